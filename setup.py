@@ -1,0 +1,77 @@
+"""The Python package: built by colcon (`ros2 run nadrc_ros ...`) or by pip (`nadrc ...`)."""
+
+from glob import glob
+import sys
+
+from setuptools import find_packages, setup
+
+NAME = 'nadrc_ros'
+NODES = ('controller', 'plant', 'reference', 'recorder')
+
+# colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
+# pip builds a wheel, whose scripts go into the bin/ that all packages share: there the nodes are
+# called nadrc-controller etc.
+PREFIX = '' if {'install', 'develop'} & set(sys.argv) else 'nadrc-'
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Active disturbance rejection control with nested extended state observers',
+    license='Apache-2.0',
+    maintainer='nadrc_ros maintainers',
+    maintainer_email='maintainers@users.noreply.example.org',
+    python_requires='>=3.10',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+    ],
+    zip_safe=False,
+    install_requires=[
+        'setuptools',
+        'attrs',
+        'matplotlib',
+        'numpy',
+        'PyYAML',
+        'rich',
+        'scipy',
+        'typer',
+    ],
+    extras_require={
+        # ROS 2 Jazzy itself from PyPI, where no ROS is installed: x86-64 Linux only.
+        # Without the pin, ros-rclpy would be the one of a later ROS distribution.
+        'wheels': [
+            'ros-rclpy[fastrtps]==7.1.6',
+            'ros-jazzy-rclpy==7.1.6',
+            'ros-jazzy-std-msgs==5.3.6',
+            'ros-jazzy-std-srvs==5.3.6',
+            'ros-jazzy-diagnostic-msgs==5.3.6',
+        ],
+        'speed': ['numba'],
+        'test': ['pytest', 'hypothesis', 'pyadrc==0.6.1'],
+        'lint': [
+            'ruff',
+            'mypy',
+            'types-PyYAML',
+            # what ament_flake8 and ament_pep257 of Jazzy run; their wheels do not name it
+            'ros-ament-flake8==0.17.3',
+            'ros-ament-pep257==0.17.3',
+            'pydocstyle',
+            'flake8',
+            'flake8-blind-except',
+            'flake8-builtins',
+            'flake8-class-newline',
+            'flake8-comprehensions',
+            'flake8-deprecated',
+            'flake8-docstrings',
+            'flake8-import-order',
+            'flake8-quotes',
+        ],
+    },
+    entry_points={
+        'console_scripts': [f'{PREFIX}{node} = {NAME}.nodes.{node}:main' for node in NODES]
+        + [f'nadrc = {NAME}.cli:main'],
+    },
+)
