@@ -1,0 +1,118 @@
+# Two commands on a fresh machine: `make demo` and `make test`. Needs Python >= 3.10 with venv, nothing else.
+# With ROS 2 Jazzy sourced it is used; without, the Jazzy wheels from PyPI are installed into .venv.
+SHELL := bash
+.SHELLFLAGS := -eo pipefail -c
+.ONESHELL:
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint build clean distclean
+
+PYTHON ?= python3
+ARGS ?=
+MIN_TESTS := 1# `make test` fails when fewer are collected: raise it with the suite
+VENV := .venv
+PY := $(VENV)/bin/python
+
+ifneq ($(AMENT_PREFIX_PATH),)
+ifneq ($(filter-out jazzy,$(ROS_DISTRO)),)
+$(error ROS 2 '$(ROS_DISTRO)' is sourced and this package is for Jazzy: source Jazzy, or use a shell without ROS)
+endif
+ROS := $(ROS_DISTRO)
+endif
+ROS := $(or $(ROS),wheels)
+WHEELS := $(filter wheels,$(ROS))
+
+# Nothing started here meets another robot's ROS graph; `make demo ROS_DOMAIN_ID=7` chooses the domain.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+export ROS_DOMAIN_ID := $(shell echo $$((RANDOM % 100 + 1)))
+unexport ROS_LOCALHOST_ONLY ROS_STATIC_PEERS ROS_DISCOVERY_SERVER _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+help: ## print this list
+	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
+
+demo: build ## run the nested controller against the plant on a live ROS graph (ARGS='--duration 4')
+	@$(ACTIVATE)
+	install/nadrc_ros/lib/nadrc_ros/nadrc demo $(ARGS)
+
+test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
+	@$(ACTIVATE)
+	python -m pytest --junitxml=build/tests.xml $(ARGS)
+	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
+	[ -n '$(ARGS)' ] || [ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
+
+lint: $(VENV)/dev ## check style and types
+	@source $(VENV)/bin/activate
+	set -x
+	ruff check .
+	ruff format --check .
+	mypy --strict nadrc_ros test
+	python -m ament_flake8.main nadrc_ros test setup.py
+	python -m ament_pep257.main nadrc_ros
+
+clean: ## remove what was built (.venv stays; `make distclean` removes that too)
+	@rm -rf build install log .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	find nadrc_ros test -name __pycache__ -prune -exec rm -rf {} +
+
+distclean: clean
+	@rm -rf $(VENV)
+
+# ---- from here on: how the above is made ready ---------------------------------------------------------
+
+fail = { echo "make: $(1)" >&2; exit 1; }
+
+define ACTIVATE
+source $(VENV)/bin/activate
+$(if $(WHEELS),export AMENT_PREFIX_PATH=$$VIRTUAL_ENV)
+source install/local_setup.bash
+endef
+
+# The build is repeated when a file changed, and when one came or went: their names are in the stamp's name.
+FILES := $(sort $(shell find nadrc_ros config resource -type f -not -name '*.pyc'))
+BUILT := install/.built-$(firstword $(shell echo $(FILES) | cksum))
+build: $(BUILT)
+
+$(BUILT): $(FILES) setup.py setup.cfg package.xml | $(VENV)/run
+	@source $(VENV)/bin/activate
+	rm -f install/.built-*
+	python -c 'import sys; from colcon_core.command import main; sys.exit(main())' --log-base log \
+		build --paths . --event-handlers desktop_notification- status- summary- console_start_end- \
+		|| $(call fail,colcon could not build the package; its log is in log/latest_build)
+	touch $@
+
+# $(VENV)/run holds what the package needs, $(VENV)/dev also what its tests and checks need.
+$(VENV)/run: GROUPS := $(WHEELS)
+$(VENV)/dev: GROUPS := test speed lint
+$(VENV)/dev: $(VENV)/run
+TOOLS := pip 'setuptools<80' colcon-common-extensions colcon-ros
+
+$(VENV)/run $(VENV)/dev: setup.py Makefile | $(VENV)/on-$(ROS)
+	@install() {
+		echo "make: installing $$1 ..."
+		shift
+		$(PY) -m pip install --no-input --disable-pip-version-check "$$@" > $(VENV)/pip.log 2>&1 && return
+		tail -n 4 $(VENV)/pip.log >&2
+		$(call fail,pip could not install all of: $$(cat $(VENV)/wanted.txt | tr '\n' ' ')(see $(VENV)/pip.log))
+	}
+	printf '%s\n' $(TOOLS) > $(VENV)/wanted.txt
+	[ $(@F) = dev ] || install 'the build tools' -r $(VENV)/wanted.txt
+	$(PY) - $(GROUPS) > $(VENV)/wanted.txt <<-'EOF'
+		import sys, setuptools, distutils.core
+		about = distutils.core.run_setup('setup.py', stop_after='init')
+		print(*about.install_requires, *sum((about.extras_require[g] for g in sys.argv[1:]), []), sep='\n')
+	EOF
+	install 'what setup.py asks for$(if $(GROUPS), (with: $(GROUPS)))' -r $(VENV)/wanted.txt
+	touch $@
+
+$(VENV)/on-$(ROS): # an environment of the other kind is replaced
+	@command -v $(PYTHON) > /dev/null || $(call fail,there is no '$(PYTHON)'; install Python 3.10 or later or name it: make PYTHON=...)
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+		|| $(call fail,$$($(PYTHON) -V) is too old: Python 3.10 or later is needed; name one: make PYTHON=python3.12)
+	$(PYTHON) -c 'import venv, ensurepip' 2> /dev/null \
+		|| $(call fail,this Python has no venv module; on Debian and Ubuntu: sudo apt install python3-venv)
+	[ -z '$(WHEELS)' ] || [ "$$(uname -sm)" = 'Linux x86_64' ] \
+		|| $(call fail,ROS 2 wheels exist for Linux on x86-64 only and this is $$(uname -sm): install ROS 2 Jazzy and source it first)
+	grep -qs 'system-site-packages = $(if $(WHEELS),false,true)' $(VENV)/pyvenv.cfg \
+		&& $(PY) -m pip --version > /dev/null 2>&1 \
+		|| $(PYTHON) -m venv --clear $(if $(WHEELS),,--system-site-packages) $(VENV) \
+		|| $(call fail,'$(PYTHON) -m venv $(VENV)' failed)
+	rm -rf build install $(VENV)/on-* $(VENV)/run $(VENV)/dev
+	touch $@
