@@ -1,0 +1,249 @@
+"""The controller: the law under its fault policy, one tick at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isfinite, nan
+
+from nadrc_ros.adrc.design import Design, make_design, Vector
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.law import (
+    blank_state,
+    clamp,
+    limit,
+    raw_command,
+    resolve,
+    retune,
+    start,
+    State,
+    step,
+)
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.status import NO_MEASUREMENT, Status
+from nadrc_ros.adrc.supervisor import (
+    Cause,
+    HOLDING,
+    Mode,
+    MODE_OK,
+    REFERENCE_TIMEOUT,
+    SAFE,
+    supervise,
+    Watch,
+)
+
+
+def tick(
+    design: Design,
+    state: State,
+    watch: Watch,
+    enabled: bool,
+    reference: Vector,
+    referenced: bool,
+    measurement: float,
+    applied: float,
+    dt: float,
+    elapsed: float,
+    out: State,
+) -> tuple[float, int, Watch]:
+    """
+    Advance law and policy by one tick; return command, status and the policy's state.
+
+    ``measurement`` is nan when none came. ``reference`` (n+1,) is the last one received; before
+    the first it is written here: the first valid measurement, held. ``dt`` is the time this tick's
+    sample spans, ``elapsed`` the time since the last tick [s]. On entering OK the first command
+    equals ``applied``; the law goes on from there.
+    """
+    if watch.measurement_age == inf and isfinite(measurement):
+        if watch.reference_age == inf and not referenced:
+            _hold(reference, measurement)
+        start(design, measurement, applied, reference[0], state)
+    command, status = step(design, state, reference, measurement, applied, watch.gap + dt, out)
+    before = watch.mode
+    at_safe = applied == design.safe_command
+    measured = status < NO_MEASUREMENT
+    watch = supervise(design, watch, enabled, measured, referenced, at_safe, dt, elapsed)
+    if watch.cause == REFERENCE_TIMEOUT:
+        _hold(reference, reference[0])
+    if watch.mode == MODE_OK:
+        if before != MODE_OK:
+            if watch.reference_age == inf:
+                _hold(reference, measurement)
+            resolve(design, out, applied)
+            command = clamp(design, applied)
+    elif watch.mode != HOLDING:
+        command = limit(design, design.safe_command, applied, elapsed)[0]
+    elif watch.cause != REFERENCE_TIMEOUT:
+        command = clamp(design, applied)
+    return command, status, watch
+
+
+def _hold(reference: Vector, value: float) -> None:
+    reference[0] = value
+    for i in range(1, len(reference)):
+        reference[i] = 0.0
+
+
+class Controller:
+    """
+    One running controller: settings, state and the counters an operator wants to see.
+
+    Examples
+    --------
+    >>> controller = Controller(ControllerSettings(plant_order=1, b0=2.0))
+    >>> controller.tick(measurement=0.0, dt=0.01, reference=[1.0])
+    0.0
+    >>> 0.0 < controller.tick(measurement=0.0, dt=0.01) < 2.0
+    True
+
+    """
+
+    def __init__(self, settings: ControllerSettings, *, enabled: bool = True) -> None:
+        self.settings = settings
+        self.design = make_design(settings)
+        self.state = blank_state(self.design)
+        self.watch = Watch()
+        self.enabled = enabled
+        self.reference: list[float] = [0.0] * (self.design.order + 1)
+        self.command = settings.safe_command
+        self.status = Status.NO_MEASUREMENT
+        self.counts = dict.fromkeys(Status, 0)
+        self._next = blank_state(self.design)
+        self._pending: ControllerSettings | None = None
+        self._restart = False
+
+    def tick(
+        self,
+        measurement: float = nan,
+        dt: float = 0.0,
+        *,
+        elapsed: float | None = None,
+        reference: Sequence[float] | None = None,
+        applied: float | None = None,
+    ) -> float:
+        """
+        Advance by one tick and return the command to send.
+
+        Parameters
+        ----------
+        measurement
+            y, or nan when none came since the last tick.
+        dt
+            Time since the previous sample [s]; 0 when none came.
+        elapsed
+            Time since the last tick [s], by default ``dt``.
+        reference
+            r and the derivatives that are known, or None when no new one came.
+        applied
+            The command that really acted since the last tick, by default the one returned then.
+
+        """
+        referenced = reference is not None and self._take(reference)
+        if applied is None:
+            applied = self.command
+        if elapsed is None:
+            elapsed = dt
+        if self._restart and isfinite(measurement):
+            start(self.design, measurement, applied, self.reference[0], self.state)
+            if self.watch.mode == MODE_OK:
+                self.watch = self.watch._replace(mode=HOLDING, good=0)
+            self._restart = False
+        span = self.watch.gap + dt
+        command, status, self.watch = tick(
+            self.design,
+            self.state,
+            self.watch,
+            self.enabled,
+            self.reference,
+            referenced,
+            measurement,
+            applied,
+            dt,
+            elapsed,
+            self._next,
+        )
+        self.state, self._next = self._next, self.state
+        self.status = Status(status)
+        self.counts[self.status] += 1
+        if self._pending is not None:
+            command = self._swap(self._pending, command, applied, span)
+        self.command = command
+        return command
+
+    def retune(self, settings: ControllerSettings) -> None:
+        """
+        Let ``settings`` take over at the end of the next tick, without a bump.
+
+        Raises
+        ------
+        SettingError
+            When the plant order differs.
+
+        """
+        if settings.plant_order != self.design.order:
+            raise SettingError(
+                'plant_order', settings.plant_order, f'{self.design.order}: it is fixed at start'
+            )
+        self._pending = settings
+
+    def reset(self) -> None:
+        """Forget the estimates; the next valid measurement restarts them without a bump."""
+        self._restart = True
+
+    @property
+    def mode(self) -> Mode:
+        """What the command is."""
+        return Mode(self.watch.mode)
+
+    @property
+    def cause(self) -> Cause:
+        """Why the law does not act."""
+        return Cause(self.watch.cause)
+
+    @property
+    def quiet(self) -> bool:
+        """True when disabled and at rest: there is nothing to send."""
+        return not self.enabled and self.watch.mode == SAFE
+
+    @property
+    def tracking(self) -> float:
+        """The reference the law follows, r1."""
+        return self.state.profile[0]
+
+    @property
+    def output_estimate(self) -> float:
+        """The output as estimated by the level that feeds the law."""
+        estimate = self.state.levels[self.design.feedback_level][0]
+        return estimate + self.state.profile[0] if self.design.error_based else estimate
+
+    @property
+    def disturbances(self) -> list[float]:
+        """The disturbance estimate d_k of each level, in units of y^(n)."""
+        return [level[self.design.order] for level in self.state.levels]
+
+    @property
+    def total_disturbance(self) -> float:
+        """The estimate of L = y^(n) - b0 u: the sum of the levels."""
+        total = sum(self.disturbances)
+        return total + self.state.profile[self.design.order] if self.design.error_based else total
+
+    def _take(self, reference: Sequence[float]) -> bool:
+        """Keep a received reference with its known derivatives; refuse one that is not finite."""
+        if not all(map(isfinite, reference)):
+            self.counts[Status.BAD_REFERENCE] += 1
+            return False
+        n = len(self.reference)
+        self.reference[:] = [*reference[:n], *[0.0] * (n - len(reference))]
+        return True
+
+    def _swap(
+        self, settings: ControllerSettings, command: float, applied: float, span: float
+    ) -> float:
+        """Take over new settings on the state just reached, and return the command under them."""
+        design = make_design(settings)
+        law_command = limit(self.design, raw_command(self.design, self.state), applied, span)[0]
+        self.state = retune(
+            self.design, design, self.state, self.reference, law_command, applied, span
+        )
+        self._next = blank_state(design)
+        self.settings, self.design, self._pending = settings, design, None
+        return clamp(design, command)

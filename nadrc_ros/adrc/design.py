@@ -1,0 +1,122 @@
+"""The design: settings worked out into the plain numbers that the step functions read."""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+from math import comb
+from typing import cast, NamedTuple
+
+from nadrc_ros.adrc.gains import equal_pole_matrix, inversion_matrix
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.structures import STRUCTURES
+
+Vector = MutableSequence[float]
+Matrix = MutableSequence[MutableSequence[float]]
+
+
+class Design(NamedTuple):
+    """
+    Numbers of one controller; made by :func:`make_design`, never edited.
+
+    With n the plant order, m the extended states, N = n + m and K the levels: ``bandwidths`` (K,)
+    [rad/s], ``reach`` (K,) how many previous disturbance estimates enter each level's input,
+    ``gain_matrix`` (N, N) of ``gains``, ``feedback_gains`` and ``exponents`` (n,),
+    ``feedback_level`` counted from 0.
+    """
+
+    order: int
+    states: int
+    levels: int
+    b0: float
+    bandwidths: list[float]
+    reach: list[int]
+    chained: bool
+    equal_poles: bool
+    pole_ratios: list[float]
+    gain_matrix: Matrix
+    error_based: bool
+    no_reference: list[float]
+    tracking_acceleration: float
+    linear: bool
+    feedback_gains: list[float]
+    exponents: list[float]
+    delta: float
+    feedback_level: int
+    command_min: float
+    command_max: float
+    command_rate_limit: float
+    safe_command: float
+    max_dt: float
+    measurement_timeout: float
+    reference_timeout: float
+    hold_time: float
+    good_samples: int
+
+
+def make_design(settings: ControllerSettings) -> Design:
+    """Work the settings out into a :class:`Design`."""
+    structure = STRUCTURES[settings.structure]
+    order = settings.plant_order
+    levels = structure.levels(settings)
+    states = order + structure.extended_states(settings)
+    equal_poles = len(set(settings.pole_ratios)) == 1
+    scale = settings.pole_ratios[0] if equal_poles else 1.0
+    return Design(
+        order=order,
+        states=states,
+        levels=levels,
+        b0=settings.b0,
+        bandwidths=[scale * w for w in bandwidths(settings, levels)],
+        reach=list(structure.reach(levels)),
+        chained=structure.chained,
+        equal_poles=equal_poles,
+        pole_ratios=list(settings.pole_ratios),
+        gain_matrix=cast(
+            Matrix, equal_pole_matrix(states) if equal_poles else inversion_matrix(states)
+        ),
+        error_based=settings.error_based,
+        no_reference=[0.0] * (order + 1),
+        tracking_acceleration=settings.tracking_acceleration,
+        linear=settings.feedback == 'linear',
+        feedback_gains=feedback_gains(settings),
+        exponents=_per_state(settings.fal_exponents, order),
+        delta=settings.fal_delta,
+        feedback_level=_level_index(settings.feedback_level, levels),
+        command_min=settings.command_min,
+        command_max=settings.command_max,
+        command_rate_limit=settings.command_rate_limit,
+        safe_command=settings.safe_command,
+        max_dt=settings.max_dt,
+        measurement_timeout=settings.measurement_timeout,
+        reference_timeout=settings.reference_timeout,
+        hold_time=settings.hold_time,
+        good_samples=settings.good_samples,
+    )
+
+
+def bandwidths(settings: ControllerSettings, levels: int) -> list[float]:
+    """Return w_1 (inner), w_2 (outer), and w_{k+1} = ratio w_k beyond, shape (levels,) [rad/s]."""
+    w = [settings.inner_bandwidth, settings.outer_bandwidth]
+    while len(w) < levels:
+        w.append(settings.bandwidth_ratio * w[-1])
+    return w[:levels]
+
+
+def feedback_gains(settings: ControllerSettings) -> list[float]:
+    """Return k_1..k_n: the coefficients of (s + wc)^n, or the explicit gains of the fal law."""
+    n = settings.plant_order
+    linear = [comb(n, i) * settings.controller_bandwidth ** (n - i) for i in range(n)]
+    if settings.feedback == 'linear':
+        return linear
+    explicit = _per_state(settings.fal_gains, n)
+    return [k if k > 0.0 else default for k, default in zip(explicit, linear, strict=True)]
+
+
+def _per_state(values: tuple[float, ...], order: int) -> list[float]:
+    return list(values) if len(values) == order else [values[0]] * order
+
+
+def _level_index(level: str, levels: int) -> int:
+    if level == 'inner':
+        return 0
+    return levels - 1 if level == 'outer' else min(int(level), levels) - 1

@@ -1,0 +1,200 @@
+"""
+Declared settings: one declaration of a field serves every reader of it.
+
+The functions ``number``, ``integer``, ``numbers``, ``choice``, ``flag`` and ``text`` make attrs
+fields that are validated at construction and carry a :class:`Declared` with unit, range and
+description. ROS parameter descriptors, the YAML check and the parameter table of the docs are all
+read from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any, TypeVar
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError
+
+T = TypeVar('T')
+_KEY = 'declared'
+
+
+@attrs.frozen(kw_only=True)
+class Declared:
+    """What is known about one setting: type, default, closed range, unit, meaning."""
+
+    kind: str
+    default: Any
+    description: str
+    unit: str = ''
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    nonzero: bool = False
+    live: bool = True
+
+    def allowed(self) -> str:
+        """Return the allowed values in words."""
+        unit = f' {self.unit}' if self.unit else ''
+        span = f'from {self.low:g} to {self.high:g}{unit}' if self.low is not None else ''
+        if self.kind == 'number':
+            return f'a finite number {span}' + (', not 0' if self.nonzero else '')
+        if self.kind == 'integer':
+            return f'an integer {span}'
+        if self.kind == 'numbers':
+            return f'a non-empty list of finite numbers {span}'
+        if self.kind == 'choice':
+            return 'one of ' + ', '.join(self.choices)
+        return {'flag': 'true or false', 'text': 'a string'}[self.kind]
+
+    def accepts(self, value: object) -> bool:
+        """Tell whether ``value`` has the declared type and lies in the declared range."""
+        if self.kind == 'flag':
+            return isinstance(value, bool)
+        if self.kind == 'text':
+            return isinstance(value, str)
+        if self.kind == 'choice':
+            return isinstance(value, str) and value in self.choices
+        if self.kind == 'integer':
+            return isinstance(value, int) and self._inside(value)
+        if self.kind == 'numbers':
+            return isinstance(value, tuple) and bool(value) and all(map(self._inside, value))
+        return self._inside(value)
+
+    def _inside(self, value: object) -> bool:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+            return False
+        if self.nonzero and value == 0:
+            return False
+        return self.low is None or self.high is None or self.low <= value <= self.high
+
+
+def number(
+    default: float,
+    low: float,
+    high: float,
+    unit: str,
+    description: str,
+    *,
+    nonzero: bool = False,
+    live: bool = True,
+) -> Any:
+    """Declare a finite real number in the closed range [low, high]."""
+    return _field(
+        Declared(
+            kind='number',
+            default=default,
+            low=low,
+            high=high,
+            unit=unit,
+            description=description,
+            nonzero=nonzero,
+            live=live,
+        )
+    )
+
+
+def integer(default: int, low: int, high: int, description: str, *, live: bool = True) -> Any:
+    """Declare an integer in the closed range [low, high]."""
+    return _field(
+        Declared(
+            kind='integer', default=default, low=low, high=high, description=description, live=live
+        )
+    )
+
+
+def numbers(
+    default: tuple[float, ...],
+    low: float,
+    high: float,
+    unit: str,
+    description: str,
+    *,
+    live: bool = True,
+) -> Any:
+    """Declare a non-empty list of finite numbers, each in the closed range [low, high]."""
+    return _field(
+        Declared(
+            kind='numbers',
+            default=default,
+            low=low,
+            high=high,
+            unit=unit,
+            description=description,
+            live=live,
+        )
+    )
+
+
+def choice(default: str, choices: tuple[str, ...], description: str, *, live: bool = True) -> Any:
+    """Declare one of a few words."""
+    return _field(
+        Declared(
+            kind='choice', default=default, choices=choices, description=description, live=live
+        )
+    )
+
+
+def flag(default: bool, description: str, *, live: bool = True) -> Any:
+    """Declare true or false."""
+    return _field(Declared(kind='flag', default=default, description=description, live=live))
+
+
+def text(default: str, description: str, *, live: bool = True) -> Any:
+    """Declare a string."""
+    return _field(Declared(kind='text', default=default, description=description, live=live))
+
+
+def declared(cls: type[Any]) -> dict[str, Declared]:
+    """Return the declarations of an attrs class, by field name, in order."""
+    return {f.name: f.metadata[_KEY] for f in attrs.fields(cls) if _KEY in f.metadata}
+
+
+def build(cls: type[T], values: Mapping[str, Any], path: str = '') -> T:
+    """
+    Construct ``cls`` from a mapping, naming an unknown key or a bad value by its dotted path.
+
+    Raises
+    ------
+    SettingError
+        For an unknown key, or a value that the class refuses.
+
+    """
+    names = [f.name for f in attrs.fields(cls) if f.init]  # type: ignore[arg-type]
+    for key, value in values.items():
+        if key not in names:
+            raise SettingError(
+                str(key), value, 'left out: allowed keys are ' + ', '.join(names)
+            ).inside(path)
+    try:
+        return cls(**values)
+    except SettingError as error:
+        raise error.inside(path) from None
+
+
+def _field(declaration: Declared) -> Any:
+    def check(_: object, attribute: Any, value: object) -> None:
+        if not declaration.accepts(value):
+            raise SettingError(attribute.name, value, declaration.allowed())
+
+    return attrs.field(
+        default=declaration.default,
+        converter=_CONVERTERS.get(declaration.kind),
+        validator=check,
+        metadata={_KEY: declaration},
+    )
+
+
+def _to_float(value: Any) -> Any:
+    return float(value) if type(value) is int else value
+
+
+def _to_tuple(value: Any) -> Any:
+    """Take a YAML list or a ROS array as a tuple; nonsense is left to the check."""
+    if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
+        return value
+    return tuple(_to_float(item) for item in value)
+
+
+_CONVERTERS = {'number': _to_float, 'numbers': _to_tuple}

@@ -1,0 +1,62 @@
+"""
+Current-observer gains that place every pole, in closed form for any order.
+
+The error of the current observer is e+ = (I - L C) Ad e with Ad = exp(A h) of an N-fold integrator
+chain, and
+
+    det(z I - Ad + L C Ad) = (z-1)^N + sum_i (l_i h^i / i!) E_i(z) (z-1)^(N-1-i),
+
+E_i(z) = z A_i(z) the i-th Eulerian polynomial (E_0 = 1). Asked to equal prod_q (z - z_q), this is
+triangular in powers of z - 1, and its inverse has the generating function ln(1+s)^i / (1+s):
+
+    l_i h^i = sum_{q >= i} T_iq sigma_{q+1}(1 - z_1, ..., 1 - z_N),   T_iq = [s^q] ln(1+s)^i /
+    (1+s),
+
+with sigma_q the elementary symmetric polynomials. For equal poles these are the gains of the
+fading-memory polynomial filter (N. Morrison, Introduction to Sequential Smoothing and Prediction,
+1969).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import comb
+
+
+def inversion_matrix(states: int) -> list[list[float]]:
+    """Return T, upper triangular, shape (N, N): T_iq = [s^q] ln(1+s)^i / (1+s)."""
+    logarithm = [Fraction(0)] + [Fraction((-1) ** (q + 1), q) for q in range(1, states)]
+    row = [Fraction((-1) ** q) for q in range(states)]
+    rows = []
+    for _ in range(states):
+        rows.append([float(value) for value in row])
+        row = [
+            sum((row[j] * logarithm[q - j] for j in range(q + 1)), Fraction(0))
+            for q in range(states)
+        ]
+    return rows
+
+
+def equal_pole_matrix(states: int) -> list[list[float]]:
+    """Return G (N, N): l_i h^i = sum_{q >= i} G_iq (1-z)^(q+1) when all poles are at z."""
+    return [
+        [value * comb(states, q + 1) for q, value in enumerate(row)]
+        for row in inversion_matrix(states)
+    ]
+
+
+def observer_gains(states: int, h: float, poles: list[float]) -> list[float]:
+    """
+    Return the gains L, shape (N,), of the current observer with the given discrete poles.
+
+    The law itself evaluates the same matrices in ``observers.linear``; this form is for design and
+    tests. Units: l_i is [1/s^i]. Source: module docstring.
+    """
+    sigma = [1.0] + [0.0] * states
+    for pole in poles:
+        for q in range(states, 0, -1):
+            sigma[q] += (1.0 - pole) * sigma[q - 1]
+    return [
+        sum(row[q] * sigma[q + 1] for q in range(i, states)) / h**i
+        for i, row in enumerate(inversion_matrix(states))
+    ]

@@ -1,0 +1,243 @@
+"""
+The law as pure functions: N-ADRC from one sample to one command.
+
+State is explicit. ``step`` reads one state and writes another that never aliases it, so that
+replay, rollback and a bumpless change of settings are ordinary assignments. Nothing here raises:
+bad input gives a :class:`Status`, and the next state equals the old one to the bit.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import NamedTuple
+
+from nadrc_ros.adrc.design import Design, Matrix, Vector
+from nadrc_ros.adrc.differentiator import track
+from nadrc_ros.adrc.feedback import feedback
+from nadrc_ros.adrc.observer import update
+from nadrc_ros.adrc.status import (
+    BAD_REFERENCE,
+    BAD_TIME_STEP,
+    NO_MEASUREMENT,
+    OK,
+    RATE_LIMITED,
+    RESTARTED,
+    SATURATED,
+)
+
+# No sensor reads this. With it and the ranges of the settings no intermediate result can overflow.
+LARGEST = 1e100
+# Resolution of a time stamp [s].
+SHORTEST = 1e-9
+
+
+class State(NamedTuple):
+    """
+    State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
+
+    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``scratch`` (N,
+    N) holds intermediate gains and carries nothing from step to step.
+    """
+
+    levels: Matrix
+    profile: Vector
+    scratch: Matrix
+
+
+def blank_state(design: Design) -> State:
+    """Return a state of the right shape, all zero."""
+    return State(
+        [[0.0] * design.states for _ in range(design.levels)],
+        [0.0] * (design.order + 1),
+        [[0.0] * design.states for _ in range(design.states)],
+    )
+
+
+def start(
+    design: Design, measurement: float, applied: float, reference: float, out: State
+) -> None:
+    """
+    Write into ``out`` the state at rest: y measured, no motion, and d_1 = -b0 u, which keeps it.
+
+    The profile starts at the measurement with the tracking differentiator, at the reference
+    without.
+    """
+    for k in range(design.levels):
+        for i in range(design.states):
+            out.levels[k][i] = 0.0
+    for i in range(design.order + 1):
+        out.profile[i] = 0.0
+    out.profile[0] = measurement if design.tracking_acceleration > 0.0 else reference
+    for k in range(design.levels):
+        out.levels[k][0] = measurement - out.profile[0] if design.error_based else measurement
+    out.levels[0][design.order] = -design.b0 * applied
+
+
+def init(
+    design: Design, measurement: float, applied: float, reference: float | None = None
+) -> State:
+    """Return the state at rest at ``measurement`` under ``applied``; reference defaults to y."""
+    state = blank_state(design)
+    start(design, measurement, applied, measurement if reference is None else reference, state)
+    return state
+
+
+def copy_state(state: State, out: State) -> None:
+    """Copy ``state`` into ``out``."""
+    for k in range(len(state.levels)):
+        out.levels[k][:] = state.levels[k]
+    out.profile[:] = state.profile
+
+
+def step(
+    design: Design,
+    state: State,
+    reference: Vector,
+    measurement: float,
+    applied: float,
+    dt: float,
+    out: State,
+) -> tuple[float, int]:
+    """
+    Advance the controller by one sample; return the command and a :class:`Status`.
+
+    Parameters
+    ----------
+    design, state, out
+        The numbers, the state before, and a distinct buffer for the state after.
+    reference
+        r, r', ..., r^(n), shape (n+1,), zeros where a derivative is unknown.
+    measurement
+        y [output unit].
+    applied
+        The command that really acted since the previous sample [command unit].
+    dt
+        Time since the previous sample [s].
+
+    Returns
+    -------
+    tuple
+        b0 u = v - sum_k d_k (eq. (17) of the paper and v' = v - zh_{n+1}, which it never writes),
+        limited in rate and then in magnitude. After ``dt > max_dt`` the observers restart without
+        a bump. On bad input the applied command, brought inside the limits.
+
+    """
+    if not -LARGEST < measurement < LARGEST:
+        return _refuse(design, state, applied, out, NO_MEASUREMENT)
+    if not dt >= SHORTEST:
+        return _refuse(design, state, applied, out, BAD_TIME_STEP)
+    if not -LARGEST < applied < LARGEST:
+        applied = design.safe_command
+    if not -LARGEST < reference[0] < LARGEST:
+        return _refuse(design, state, applied, out, BAD_REFERENCE)
+    if dt > design.max_dt:
+        start(design, measurement, applied, reference[0], out)
+        if design.tracking_acceleration <= 0.0:
+            out.profile[:] = reference
+        resolve(design, out, applied)
+        return clamp(design, applied), RESTARTED
+    profile = out.profile
+    if design.tracking_acceleration > 0.0:
+        profile[:] = state.profile
+        track(reference[0], design.tracking_acceleration, dt, profile)
+    else:
+        profile[:] = reference
+    if design.error_based:
+        measurement -= profile[0]
+    update(design, state.levels, measurement, applied, dt, out.levels, out.scratch)
+    raw = raw_command(design, out)
+    if not isfinite(raw):  # all else is bounded: a derivative of the reference was not finite
+        return _refuse(design, state, applied, out, BAD_REFERENCE)
+    return limit(design, raw, applied, dt)
+
+
+def raw_command(design: Design, state: State) -> float:
+    """Return u = (v - sum_k d_k) / b0 of a state, before the limits."""
+    reference = design.no_reference if design.error_based else state.profile
+    v = feedback(design, state.levels[design.feedback_level], reference)
+    k = 0
+    while k < design.levels:
+        v -= state.levels[k][design.order]
+        k += 1
+    return v / design.b0
+
+
+def clamp(design: Design, command: float) -> float:
+    """Return ``command`` inside its limits, ``safe_command`` if it is not finite."""
+    if not isfinite(command):
+        return design.safe_command
+    if command > design.command_max:
+        return design.command_max
+    if command < design.command_min:
+        return design.command_min
+    return command
+
+
+def limit(design: Design, raw: float, applied: float, dt: float) -> tuple[float, int]:
+    """Limit the change since ``applied`` to the rate limit times ``dt``, then the magnitude."""
+    status = OK
+    if design.command_rate_limit > 0.0:
+        change = design.command_rate_limit * dt
+        if raw > applied + change:
+            raw = applied + change
+            status = RATE_LIMITED
+        elif raw < applied - change:
+            raw = applied - change
+            status = RATE_LIMITED
+    if raw > design.command_max:
+        return design.command_max, SATURATED
+    if raw < design.command_min:
+        return design.command_min, SATURATED
+    return raw, status
+
+
+def resolve(design: Design, state: State, command: float) -> None:
+    """Shift d_1 so that the unlimited command of ``state`` becomes ``command``."""
+    state.levels[0][design.order] += design.b0 * (raw_command(design, state) - command)
+
+
+def retune(
+    old: Design,
+    new: Design,
+    state: State,
+    reference: Vector,
+    command: float,
+    applied: float,
+    dt: float,
+) -> State:
+    """
+    Return ``state``, reached under ``old`` with ``command``, as a state of ``new`` that gives it too.
+
+    Output and derivative estimates are kept, b0, structure, levels and feedback may change: d_1 is
+    re-solved. While the old command was limited in a way the new limits would not be, the limited
+    one is matched. ``reference``, ``applied`` and ``dt`` are those of the step that led to
+    ``state``. Plant order is fixed.
+    """
+    n = new.order
+    after = blank_state(new)
+    after.profile[:] = state.profile
+    if new.tracking_acceleration <= 0.0:
+        after.profile[:] = reference
+    for k in range(new.levels):
+        source = state.levels[min(k, old.levels - 1)]
+        for i in range(n):
+            after.levels[k][i] = source[i]
+            if old.error_based:
+                after.levels[k][i] += state.profile[i]
+            if new.error_based:
+                after.levels[k][i] -= after.profile[i]
+        if k < old.levels:
+            for i in range(n, min(old.states, new.states)):
+                after.levels[k][i] = source[i]
+    target = raw_command(old, state)
+    if limit(new, target, applied, dt)[0] != command:
+        target = command
+    resolve(new, after, target)
+    return after
+
+
+def _refuse(
+    design: Design, state: State, applied: float, out: State, status: int
+) -> tuple[float, int]:
+    copy_state(state, out)
+    return clamp(design, applied), status

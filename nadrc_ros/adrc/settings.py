@@ -1,0 +1,152 @@
+"""The settings of the controller: every number a user may choose, with unit, range and meaning."""
+
+from __future__ import annotations
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
+from nadrc_ros.adrc.structures import STRUCTURES
+
+MAX_LEVELS = 6
+
+
+@attrs.frozen(kw_only=True)
+class ControllerSettings:
+    """
+    Everything that defines one N-ADRC controller, validated at construction.
+
+    Raises
+    ------
+    SettingError
+        For a wrong type, a value that is not finite or out of range, ``command_min >=
+        command_max``, a ``safe_command`` outside the limits, or a list of the wrong length.
+
+    """
+
+    plant_order: int = integer(
+        2, 1, 5, 'order n of the plant: y^(n) = b0 u + total disturbance', live=False
+    )
+    b0: float = number(
+        1.0, -1e6, 1e6, 'y^(n) per unit command', 'nominal input gain of the plant', nonzero=True
+    )
+    structure: str = choice(
+        'nested',
+        tuple(STRUCTURES),
+        'observer: ' + '; '.join(f'{s.name} = {s.description}' for s in STRUCTURES.values()),
+    )
+    inner_bandwidth: float = number(
+        40.0, 1e-3, 1e4, 'rad/s', 'bandwidth of level 1, the inner observer'
+    )
+    outer_bandwidth: float = number(
+        30.0,
+        1e-3,
+        1e4,
+        'rad/s',
+        'bandwidth of level 2, the outer observer; ignored with one level',
+    )
+    levels: int = integer(
+        2, 1, MAX_LEVELS, 'levels K of the nested and cascade structures; ignored by the others'
+    )
+    bandwidth_ratio: float = number(
+        0.5,
+        0.01,
+        10.0,
+        '',
+        'bandwidth of each level beyond the second, relative to the one before',
+    )
+    extended_states: int = integer(
+        2, 1, 3, 'extended states m of the generalized structure; ignored by the others'
+    )
+    pole_ratios: tuple[float, ...] = numbers(
+        (1.0,),
+        1e-3,
+        1e3,
+        'of the bandwidth',
+        'observer poles: one entry for all, or one for each of the n + m states',
+    )
+    controller_bandwidth: float = number(
+        4.0, 1e-3, 1e4, 'rad/s', 'closed-loop bandwidth wc: feedback gains from (s + wc)^n'
+    )
+    feedback: str = choice(
+        'linear', ('linear', 'fal'), 'state error feedback: linear, or the nonlinear fal (NLSEF)'
+    )
+    fal_gains: tuple[float, ...] = numbers(
+        (0.0,),
+        0.0,
+        1e9,
+        '',
+        'gains k_1..k_n of fal; one entry for all; 0 = from controller_bandwidth',
+    )
+    fal_exponents: tuple[float, ...] = numbers(
+        (0.75,), 0.01, 1.0, '', 'exponents alpha_1..alpha_n of fal; one entry for all; 1 = linear'
+    )
+    fal_delta: float = number(
+        0.01, 1e-9, 1e6, 'of the state error', 'half-width of the linear zone of fal'
+    )
+    feedback_level: str = choice(
+        'inner',
+        ('inner', 'outer', *(str(k) for k in range(1, MAX_LEVELS + 1))),
+        'level whose states the feedback uses; a number above the count means the last level',
+    )
+    tracking_acceleration: float = number(
+        0.0,
+        0.0,
+        1e6,
+        'reference unit/s^2',
+        'acceleration R of the tracking differentiator; 0 = off',
+    )
+    error_based: bool = flag(
+        False,
+        'observe y - r with reference zero, for references whose derivatives nobody knows',
+    )
+    command_min: float = number(-100.0, -1e9, 1e9, 'command unit', 'lowest command ever published')
+    command_max: float = number(100.0, -1e9, 1e9, 'command unit', 'highest command ever published')
+    command_rate_limit: float = number(
+        0.0, 0.0, 1e12, 'command unit/s', 'fastest change of the command; 0 = off'
+    )
+    safe_command: float = number(
+        0.0,
+        -1e9,
+        1e9,
+        'command unit',
+        'command when there is nothing to control with; inside the limits',
+    )
+    measurement_timeout: float = number(
+        0.25,
+        0.0,
+        3600.0,
+        's',
+        'silence of valid measurements that starts the fault action; 0 = off',
+    )
+    reference_timeout: float = number(
+        0.0, 0.0, 3600.0, 's', 'silence of valid references that starts the fault action; 0 = off'
+    )
+    hold_time: float = number(
+        0.1, 0.0, 3600.0, 's', 'time the fault action holds before it ramps to safe_command'
+    )
+    max_dt: float = number(
+        0.5, 1e-6, 3600.0, 's', 'longest gap between samples; beyond it the observers restart'
+    )
+    good_samples: int = integer(3, 1, 1000000, 'valid samples in a row that end a fault')
+
+    def __attrs_post_init__(self) -> None:
+        if not self.command_min < self.command_max:
+            raise SettingError(
+                'command_min', self.command_min, f'below command_max = {self.command_max!r}'
+            )
+        if not self.command_min <= self.safe_command <= self.command_max:
+            raise SettingError(
+                'safe_command',
+                self.safe_command,
+                f'from command_min = {self.command_min!r} to command_max = {self.command_max!r}',
+            )
+        n = self.plant_order
+        states = n + STRUCTURES[self.structure].extended_states(self)
+        self._check_length('pole_ratios', states)
+        self._check_length('fal_gains', n)
+        self._check_length('fal_exponents', n)
+
+    def _check_length(self, name: str, count: int) -> None:
+        values = getattr(self, name)
+        if len(values) not in (1, count):
+            raise SettingError(name, values, f'a list of 1 or {count} entries')
