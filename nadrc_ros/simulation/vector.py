@@ -1,4 +1,5 @@
-"""The two kinds of vector that the per-step functions see.
+"""
+The two kinds of vector that the per-step functions see.
 
 A list of floats (fast in plain Python) and a one-dimensional array (fast when compiled) are both.
 """

@@ -11,7 +11,7 @@ from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.simulation.plants.motor import MotorPosition, MotorSpeed
 from nadrc_ros.simulation.plants.paper import PaperPlant
 from nadrc_ros.simulation.plants.pendulum import Pendulum
-from nadrc_ros.simulation.plants.protocol import Plant, check_plant, total_disturbance
+from nadrc_ros.simulation.plants.protocol import check_plant, Plant, total_disturbance
 
 __all__ = ['PLANTS', 'Plant', 'check_plant', 'make_plant', 'plant_type', 'total_disturbance']
 
@@ -25,7 +25,8 @@ PLANTS: dict[str, type[Plant]] = {
 
 
 def plant_type(name: str) -> type[Plant]:
-    """Return the plant class of that name.
+    """
+    Return the plant class of that name.
 
     Raises
     ------
@@ -39,7 +40,8 @@ def plant_type(name: str) -> type[Plant]:
 
 
 def make_plant(name: str, values: Mapping[str, Any]) -> Plant:
-    """Return the plant of that name with its coefficients from ``values``.
+    """
+    Return the plant of that name with its coefficients from ``values``.
 
     Raises
     ------

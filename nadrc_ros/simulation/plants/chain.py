@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import attrs
-
 from nadrc_ros.adrc.fields import integer, number
 from nadrc_ros.simulation.plants.protocol import MAX_ORDER
 from nadrc_ros.simulation.vector import MutableVector, Vector
@@ -11,7 +10,8 @@ from nadrc_ros.simulation.vector import MutableVector, Vector
 
 @attrs.frozen(kw_only=True)
 class Chain:
-    """y^(n) = -damping y^(n-1) + gain u - load + w, the plant that ADRC pretends to have.
+    """
+    y^(n) = -damping y^(n-1) + gain u - load + w, the plant that ADRC pretends to have.
 
     Of order 1 it is a first-order lag: y' = -damping y + gain u - load + w.
     """

@@ -6,14 +6,14 @@ from math import exp, tanh
 from typing import ClassVar
 
 import attrs
-
 from nadrc_ros.adrc.fields import number
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
 @attrs.frozen(kw_only=True)
 class DcMotor:
-    """Voltage u [V] to speed [rad/s] and, for the position, angle [rad].
+    """
+    Voltage u [V] to speed [rad/s] and, for the position, angle [rad].
 
     J speed' = K i - friction - load_torque + J w
     L i'     = u - R i - K speed
@@ -25,7 +25,7 @@ class DcMotor:
     limits the bandwidth, as in a real drive. As u enters y^(n) only through i, the total
     disturbance y^(n) - b0 u peaks for about L / R after each change of the voltage. The tanh makes
     friction smooth, so the motor creeps where a real one sticks. The default numbers are those of
-    a loaded 24 V motor with 16 A stall current, 1 ms electrical and 12 ms mechanical time constant.
+    a loaded 24 V motor: 16 A stall current, 1 ms electrical and 12 ms mechanical time constant.
     """
 
     resistance: float = number(1.5, 1e-3, 1e4, 'Ohm', 'armature resistance R')

@@ -6,17 +6,18 @@ from math import sin
 from typing import ClassVar
 
 import attrs
-
 from nadrc_ros.adrc.fields import number
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
 @attrs.frozen(kw_only=True)
 class PaperPlant:
-    """x1' = x2, x2' = a1 x1 + a2 sin(x2) + w + (1 + a3 sin t) u, y = x1.
+    """
+    x1' = x2, x2' = a1 x1 + a2 sin(x2) + w + (1 + a3 sin t) u, y = x1.
 
     Source: eq. (26) of the paper (Abdul-Adheem & Ibraheem, nested linear extended state
-    observers), with a1 = 0.2 and a2 = 0.1. The paper does not give a3: 0.2 is a choice of this package.
+    observers), with a1 = 0.2 and a2 = 0.1. The paper does not give a3: 0.2 is a choice of this
+    package.
     """
 
     order: ClassVar[int] = 2

@@ -6,14 +6,14 @@ from math import sin
 from typing import ClassVar
 
 import attrs
-
 from nadrc_ros.adrc.fields import number
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
 @attrs.frozen(kw_only=True)
 class Pendulum:
-    """m l^2 angle'' = u - friction angle' - m g l sin(angle) + m l^2 w, a point mass on a rod.
+    """
+    m l^2 angle'' = u - friction angle' - m g l sin(angle) + m l^2 w, a point mass on a rod.
 
     The angle [rad] is 0 hanging at rest and pi upright; u is a torque [N m].
     """

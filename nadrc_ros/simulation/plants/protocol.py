@@ -1,4 +1,5 @@
-"""What a plant is, and the check that a class is one.
+"""
+What a plant is, and the check that a class is one.
 
 Convention: the first n states are y, y', ..., y^(n-1) with n the order, further states are
 internal. Hence dx[i] = x[i+1] for i < n-1, y^(n) = dx[n-1], and the output is x[0].
@@ -38,7 +39,8 @@ class Plant(Protocol):
         ...
 
     def derivative(self, t: float, x: Vector, u: float, w: float, dx: MutableVector) -> None:
-        """Write dx/dt at time ``t`` [s] into ``dx``, which is never ``x`` itself.
+        """
+        Write dx/dt at time ``t`` [s] into ``dx``, which is never ``x`` itself.
 
         ``u`` is the command and ``w`` an exogenous disturbance in units of y^(n).
         """
@@ -52,7 +54,8 @@ class Plant(Protocol):
 def total_disturbance(
     plant: Plant, b0: float, t: float, x: Vector, u: float, w: float, dx: MutableVector
 ) -> float:
-    """Return L = y^(n) - b0 u [unit of y^(n)], everything in y^(n) that b0 u does not explain.
+    """
+    Return L = y^(n) - b0 u [unit of y^(n)], everything in y^(n) that b0 u does not explain.
 
     Source: the paper (Abdul-Adheem & Ibraheem, nested linear extended state observers), section 2,
     L = f + w, with a known input gain b0 written out. ``dx`` is overwritten with the derivative.
@@ -62,7 +65,8 @@ def total_disturbance(
 
 
 def check_plant(plant: Any) -> Plant:
-    """Return ``plant`` if it keeps the convention, after probing it at a few fixed states.
+    """
+    Return ``plant`` if it keeps the convention, after probing it at a few fixed states.
 
     Raises
     ------
