@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import Declared, build, declared
+from nadrc_ros.adrc.fields import build, Declared, declared
 from nadrc_ros.simulation.signals.chirp import Chirp
 from nadrc_ros.simulation.signals.decaying_cosine import DecayingCosine
 from nadrc_ros.simulation.signals.elementary import Constant, Nothing, Ramp, Step
@@ -36,7 +36,8 @@ def signal_fields() -> dict[str, Declared]:
 
 
 def signal_type(name: str) -> type[Signal]:
-    """Return the signal class of that name, for instance to ``build`` it from its own fields.
+    """
+    Return the signal class of that name, for instance to ``build`` it from its own fields.
 
     Raises
     ------
@@ -50,7 +51,8 @@ def signal_type(name: str) -> type[Signal]:
 
 
 def make_signal(name: str, values: Mapping[str, Any]) -> Signal:
-    """Return the signal of that name, picking its own fields out of ``values``.
+    """
+    Return the signal of that name, picking its own fields out of ``values``.
 
     ``values`` may hold fields that only other signals have (a node holds them all); those are not
     looked at.

@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import cos, sin
 
 import attrs
-
 from nadrc_ros.simulation.signals import vocabulary
 from nadrc_ros.simulation.vector import MutableVector
 
 
 @attrs.frozen(kw_only=True)
 class Chirp:
-    """s(t) = offset + amplitude sin(phi), phi' from frequency to end_frequency in sweep_time.
+    """
+    s(t) = offset + amplitude sin(phi), phi' from frequency to end_frequency in sweep_time.
 
     With g = exp(i phi) the Leibniz rule gives g^(k+1) = i (phi' g^(k) + k phi'' g^(k-1)), as phi
     is at most quadratic. After the sweep phi' stays at end_frequency and phi goes on without a

@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import cos, exp, sin
 
 import attrs
-
 from nadrc_ros.simulation.signals import vocabulary
 from nadrc_ros.simulation.vector import MutableVector
 
 
 @attrs.frozen(kw_only=True)
 class DecayingCosine:
-    """s(t) = offset + amplitude exp(-decay tau) cos(frequency tau + phase), tau = t - start_time.
+    """
+    s(t) = offset + amplitude exp(-decay tau) cos(frequency tau + phase), tau = t - start_time.
 
     It is the real part of a complex exponential, whose k-th derivative is itself times
     (-decay + i frequency)^k. The defaults give w(t) = exp(-t) cos t of the paper (Abdul-Adheem &

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import attrs
-
 from nadrc_ros.simulation.signals import vocabulary
 from nadrc_ros.simulation.vector import MutableVector
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import cos, floor, pi, sin
 
 import attrs
-
 from nadrc_ros.simulation.signals import vocabulary
 from nadrc_ros.simulation.vector import MutableVector
 
 
 @attrs.frozen(kw_only=True)
 class Sine:
-    """s(t) = offset + amplitude sin(frequency (t - start_time) + phase).
+    """
+    s(t) = offset + amplitude sin(frequency (t - start_time) + phase).
 
     Each derivative multiplies by the frequency and turns the angle on by a right angle.
     """
@@ -65,7 +65,8 @@ class Cosine:
 
 @attrs.frozen(kw_only=True)
 class Square:
-    """s(t) = offset +- amplitude: plus in the first half of each cycle, minus in the second.
+    """
+    s(t) = offset +- amplitude: plus in the first half of each cycle, minus in the second.
 
     All derivatives are 0, also at the jumps. A jump that should fall on a sample may come one
     sample early or late, since a half cycle of pi / frequency is not a float.

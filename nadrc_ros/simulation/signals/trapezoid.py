@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import sqrt
 
 import attrs
-
 from nadrc_ros.simulation.signals import vocabulary
 from nadrc_ros.simulation.vector import MutableVector
 
 
 @attrs.frozen(kw_only=True)
 class Trapezoid:
-    """Move from offset by amplitude: accelerate, cruise at velocity, decelerate, rest.
+    """
+    Move from offset by amplitude: accelerate, cruise at velocity, decelerate, rest.
 
     A move shorter than velocity^2 / acceleration never cruises: its peak speed is
     sqrt(|amplitude| acceleration). From the third derivative on all are 0, also at the jumps of

@@ -1,4 +1,5 @@
-"""The words that signals are described with: one field name, one default, unit, range and meaning.
+"""
+The words that signals are described with: one field name, one default, unit, range and meaning.
 
 A node that declares every word once can therefore offer every signal under flat parameter names.
 With all defaults ``decaying_cosine`` is the disturbance exp(-t) cos t of the paper (Abdul-Adheem &
