@@ -1,0 +1,201 @@
+"""
+The figures of merit of a run, accumulated sample by sample.
+
+One quadrature rule serves all integrals: the left rectangle, h f(t_k), exact for the square of a
+command that is held over each period. The paper (Abdul-Adheem & Ibraheem, nested linear extended
+state observers, Table I) uses ITAE and ISU without defining them; read are the integrals of t |e|
+and of u^2.
+
+A sample that is not finite, or would make a sum overflow, is left out of everything and counted.
+"""
+
+from __future__ import annotations
+
+from math import isfinite, sqrt
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.simulation.vector import MutableVector, Vector
+
+ITAE = 0
+ISU = 1
+IAE = 2
+ISE = 3
+ITSE = 4
+MAX_ERROR = 5
+PEAK_ERROR = 6
+TOTAL_VARIATION = 7
+SATURATED = 8
+DURATION = 9
+SAMPLES = 10
+SKIPPED = 11
+LAST_COMMAND = 12
+SIZE = 13
+
+SETTLE_TIME = 2.0
+
+
+@attrs.frozen(kw_only=True)
+class MetricValues:
+    """
+    The figures of merit over the samples so far; e is the error, u the command.
+
+    Attributes
+    ----------
+    itae
+        Integral of t |e| [unit of e, s^2].
+    isu
+        Integral of u^2 [unit of u squared, s].
+    iae
+        Integral of |e| [unit of e, s].
+    ise
+        Integral of e^2 [unit of e squared, s].
+    itse
+        Integral of t e^2 [unit of e squared, s^2].
+    rmse
+        Square root of ``ise`` over ``duration`` [unit of e].
+    max_error
+        Largest |e| [unit of e].
+    peak_error
+        Largest |e| at or after the settle time [unit of e], 0 if there was no sample so late.
+    total_variation
+        Sum of |u_k - u_{k-1}| [unit of u].
+    saturated_fraction
+        Share of ``duration`` during which the command was limited.
+    samples
+        Number of samples used.
+    skipped
+        Number of samples left out.
+    duration
+        Sum of the periods of the samples used [s].
+
+    """
+
+    itae: float
+    isu: float
+    iae: float
+    ise: float
+    itse: float
+    rmse: float
+    max_error: float
+    peak_error: float
+    total_variation: float
+    saturated_fraction: float
+    samples: int
+    skipped: int
+    duration: float
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the figures by name, in order."""
+        return attrs.asdict(self)
+
+
+def accumulate(
+    acc: MutableVector,
+    t: float,
+    h: float,
+    error: float,
+    command: float,
+    saturated: bool,
+    settle_time: float,
+) -> None:
+    """
+    Add the sample of the period [t, t + h] to the sums in ``acc``, which starts as zeros.
+
+    Parameters
+    ----------
+    acc
+        ``SIZE`` entries, addressed by the index constants of this module.
+    t, h
+        Start, at least 0, and length, at least 0, of the period [s].
+    error, command
+        e at ``t``, and u over the period.
+    saturated
+        Whether the command was limited.
+    settle_time
+        Time from which the error counts for the peak error [s].
+
+    """
+    size = abs(error)
+    itae = acc[ITAE] + h * t * size
+    isu = acc[ISU] + h * (command * command)
+    iae = acc[IAE] + h * size
+    ise = acc[ISE] + h * (size * size)
+    itse = acc[ITSE] + h * t * (size * size)
+    variation = acc[TOTAL_VARIATION]
+    if acc[SAMPLES] > 0.0:
+        variation = variation + abs(command - acc[LAST_COMMAND])
+    duration = acc[DURATION] + h
+    good = t >= 0.0 and h >= 0.0 and isfinite(t) and isfinite(size) and isfinite(command)
+    good = good and isfinite(itae) and isfinite(isu) and isfinite(iae) and isfinite(ise)
+    if not (good and isfinite(itse) and isfinite(variation) and isfinite(duration)):
+        acc[SKIPPED] = acc[SKIPPED] + 1.0
+        return
+    acc[ITAE] = itae
+    acc[ISU] = isu
+    acc[IAE] = iae
+    acc[ISE] = ise
+    acc[ITSE] = itse
+    acc[TOTAL_VARIATION] = variation
+    acc[DURATION] = duration
+    acc[LAST_COMMAND] = command
+    acc[SAMPLES] = acc[SAMPLES] + 1.0
+    if saturated:
+        acc[SATURATED] = acc[SATURATED] + h
+    if size > acc[MAX_ERROR]:
+        acc[MAX_ERROR] = size
+    if t >= settle_time and size > acc[PEAK_ERROR]:
+        acc[PEAK_ERROR] = size
+
+
+def metric_values(acc: Vector) -> MetricValues:
+    """Return the figures of merit that the sums in ``acc`` amount to."""
+    duration = float(acc[DURATION])
+    held = duration > 0.0
+    return MetricValues(
+        itae=float(acc[ITAE]),
+        isu=float(acc[ISU]),
+        iae=float(acc[IAE]),
+        ise=float(acc[ISE]),
+        itse=float(acc[ITSE]),
+        rmse=sqrt(acc[ISE] / duration) if held else 0.0,
+        max_error=float(acc[MAX_ERROR]),
+        peak_error=float(acc[PEAK_ERROR]),
+        total_variation=float(acc[TOTAL_VARIATION]),
+        saturated_fraction=float(acc[SATURATED] / duration) if held else 0.0,
+        samples=int(acc[SAMPLES]),
+        skipped=int(acc[SKIPPED]),
+        duration=duration,
+    )
+
+
+class Metrics:
+    """
+    The streaming accumulator that the simulation and the recorder share.
+
+    Parameters
+    ----------
+    settle_time
+        Time from which the error counts for ``peak_error`` [s].
+
+    """
+
+    def __init__(self, settle_time: float = SETTLE_TIME) -> None:
+        if not (isfinite(settle_time) and settle_time >= 0.0):
+            raise SettingError('settle_time', settle_time, 'a finite number of seconds, 0 or more')
+        self.settle_time = settle_time
+        self._acc = [0.0] * SIZE
+
+    def add(
+        self, t: float, h: float, error: float, command: float, saturated: bool = False
+    ) -> None:
+        """Add the sample of the period [t, t + h] [s]."""
+        accumulate(self._acc, t, h, error, command, saturated, self.settle_time)
+
+    def values(self) -> MetricValues:
+        """Return the figures of merit so far."""
+        return metric_values(self._acc)
+
+    def reset(self) -> None:
+        """Start again from nothing."""
+        self._acc = [0.0] * SIZE
