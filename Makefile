@@ -70,7 +70,7 @@ FILES := $(sort $(shell find nadrc_ros config resource -type f -not -name '*.pyc
 BUILT := install/.built-$(firstword $(shell echo $(FILES) | cksum))
 build: $(BUILT)
 
-$(BUILT): $(FILES) setup.py setup.cfg package.xml | $(VENV)/run
+$(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/run
 	@source $(VENV)/bin/activate
 	rm -f install/.built-*
 	python -c 'import sys; from colcon_core.command import main; sys.exit(main())' --log-base log \
