@@ -232,7 +232,8 @@ class Controller:
             self.counts[Status.BAD_REFERENCE] += 1
             return False
         n = len(self.reference)
-        self.reference[:] = [*reference[:n], *[0.0] * (n - len(reference))]
+        known = reference[:n] if self.settings.reference_derivatives == 'topics' else reference[:1]
+        self.reference[:] = [*known, *[0.0] * (n - len(known))]
         return True
 
     def _swap(

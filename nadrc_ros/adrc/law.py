@@ -206,7 +206,7 @@ def retune(
     dt: float,
 ) -> State:
     """
-    Return ``state``, reached under ``old`` with ``command``, as a state of ``new`` that gives it too.
+    Return ``state``, reached with ``command`` under ``old``, as one of ``new`` that gives it too.
 
     Output and derivative estimates are kept, b0, structure, levels and feedback may change: d_1 is
     re-solved. While the old command was limited in a way the new limits would not be, the limited

@@ -95,6 +95,12 @@ class ControllerSettings:
         'reference unit/s^2',
         'acceleration R of the tracking differentiator; 0 = off',
     )
+    reference_derivatives: str = choice(
+        'topics',
+        ('topics', 'differentiator', 'none'),
+        'derivatives of the reference: received, from the tracking differentiator, or taken as 0',
+        live=False,
+    )
     error_based: bool = flag(
         False,
         'observe y - r with reference zero, for references whose derivatives nobody knows',
@@ -139,6 +145,10 @@ class ControllerSettings:
                 'safe_command',
                 self.safe_command,
                 f'from command_min = {self.command_min!r} to command_max = {self.command_max!r}',
+            )
+        if self.reference_derivatives == 'differentiator' and self.tracking_acceleration == 0.0:
+            raise SettingError(
+                'tracking_acceleration', 0.0, 'above 0 with reference_derivatives = differentiator'
             )
         n = self.plant_order
         states = n + STRUCTURES[self.structure].extended_states(self)
