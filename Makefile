@@ -66,7 +66,7 @@ source install/local_setup.bash
 endef
 
 # The build is repeated when a file changed, and when one came or went: their names are in the stamp's name.
-FILES := $(sort $(shell find nadrc_ros config resource -type f -not -name '*.pyc'))
+FILES := $(sort $(shell find $(wildcard nadrc_ros config resource) -type f -not -name '*.pyc'))
 BUILT := install/.built-$(firstword $(shell echo $(FILES) | cksum))
 build: $(BUILT)
 
@@ -82,7 +82,7 @@ $(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/ru
 $(VENV)/run: GROUPS := $(WHEELS)
 $(VENV)/dev: GROUPS := test speed lint
 $(VENV)/dev: $(VENV)/run
-TOOLS := pip 'setuptools<80' colcon-common-extensions colcon-ros
+TOOLS := 'setuptools<80' colcon-common-extensions colcon-ros
 
 $(VENV)/run $(VENV)/dev: setup.py Makefile | $(VENV)/on-$(ROS)
 	@install() {
