@@ -30,10 +30,20 @@ def test_the_index_is_the_exact_quotient_rounded_down(rate: int, noise_rate: int
 
 
 def test_the_index_is_right_at_every_one_of_many_boundaries() -> None:
-    for rate, noise_rate in ((1000, 100), (1000, 333), (3000, 7), (200, 30), (100, 250)):
+    for rate, noise_rate in ((1000, 100), (1000, 333), (3000, 7), (100, 10), (120, 100)):
         period, sample_time = 1 / rate, 1 / noise_rate
-        for k in range(20_000):
-            assert sample_index(k, period, sample_time) == k * noise_rate // rate
+        exact = [k * noise_rate // rate for k in range(20_000)]
+        assert [sample_index(k, period, sample_time) for k in range(20_000)] == exact
+        noise = Noise(variance=1.0, sample_time=sample_time)
+        normals = noise_sequence(Noise(variance=1.0), period, exact[-1] + 1)
+        assert np.array_equal(noise_sequence(noise, period, 20_000), normals[exact])
+
+
+@given(st.integers(1, 5000), st.integers(1, 5000), st.integers(0, 10**5))
+def test_rounding_never_moves_a_boundary(rate: int, noise_rate: int, seconds: int) -> None:
+    """At whole seconds the index is known, also where the float quotient falls just below."""
+    found = sample_index(seconds * rate, 1 / rate, 1 / noise_rate)
+    assert found == seconds * noise_rate
 
 
 def test_sample_time_zero_draws_each_period() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import dataclass
-from math import cos, exp, inf, isnan, log, nan, pi, sin, sqrt
+from math import cos, exp, inf, isnan, log, nan, pi, sin, sqrt, tanh
 from typing import Any
 
 import attrs
@@ -96,6 +96,15 @@ def test_the_motor_breaks_away_only_above_its_friction() -> None:
     held = 5e-3 * 1.5 / 0.05
     assert run(motor, [0.0, 0.0], 0.5 * held, 0.5, 4000)[0] < 1.0
     assert run(motor, [0.0, 0.0], 6.0 * held, 0.5, 4000)[0] > 10.0
+
+
+def test_the_torque_and_voltage_balance_of_the_motor() -> None:
+    motor = make_plant('motor', {'load_torque': 0.02})
+    for speed, current in ((3.0, 0.7), (-3.0, 0.7), (0.2, -1.0), (300.0, 2.0)):
+        friction = (5e-3 + 3e-3 * exp(-((speed / 5.0) ** 2))) * tanh(speed) + 1e-5 * speed
+        dx = slope(motor, 0.0, [speed, current], 4.0, 0.3)
+        assert dx[0] == pytest.approx((0.05 * current - friction - 0.02) / 2e-5 + 0.3, rel=1e-12)
+        assert dx[1] == pytest.approx((4.0 - 1.5 * current - 0.05 * speed) / 1.5e-3, rel=1e-12)
 
 
 def test_w_is_an_acceleration_of_the_motor_and_the_inductance_is_unmodelled() -> None:
