@@ -1,0 +1,106 @@
+"""Scenario files: read, written, and found by the name of a shipped one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+
+from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario.mapping import from_mapping, to_mapping
+from nadrc_ros.scenario.scenario import Scenario
+from nadrc_ros.scenario.yaml_text import read_yaml, write_yaml
+
+PACKAGE = 'nadrc_ros'
+
+
+def load(path: str | Path) -> Scenario:
+    """
+    Read a scenario file; a plant file named in it is sought beside it.
+
+    Raises
+    ------
+    SettingError, ScenarioError
+        What is wrong, in one sentence without the name of the file.
+
+    """
+    try:
+        text = Path(path).read_text(encoding='utf-8')
+    except IsADirectoryError:
+        raise ScenarioError('this is a directory, not a scenario file') from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f'not UTF-8 text (byte {error.start})') from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise ScenarioError(f'the file cannot be read: {reason}') from None
+    return loads(text, Path(path).parent)
+
+
+def loads(text: str, base_dir: str | Path = '.') -> Scenario:
+    """
+    Return the scenario in a YAML text; a plant file named in it is sought from ``base_dir``.
+
+    Raises
+    ------
+    SettingError, ScenarioError
+        What is wrong, in one sentence.
+
+    """
+    data = read_yaml(text)
+    if data is None:
+        raise ScenarioError('there is nothing in it: a scenario needs plant and controllers')
+    if not isinstance(data, dict):
+        kind = 'a list' if isinstance(data, list) else 'a single value'
+        raise ScenarioError(f'a scenario is a mapping of keys to values, and this is {kind}')
+    return from_mapping(data, base_dir)
+
+
+def dump(scenario: Scenario) -> str:
+    """Return YAML text that loads back to an equal scenario, wherever it is put."""
+    return write_yaml(to_mapping(scenario))
+
+
+def find_scenario(name_or_path: str | Path) -> Path:
+    """
+    Return the path of a scenario: a file, or one of the shipped ones by its bare name.
+
+    Raises
+    ------
+    ScenarioError
+        When there is neither; lists the shipped names.
+
+    """
+    path = Path(name_or_path)
+    if path.exists() and not path.is_dir():
+        return path
+    shipped = shipped_scenarios()
+    if str(name_or_path) in shipped:
+        return shipped[str(name_or_path)]
+    if path.is_dir():
+        raise ScenarioError('this is a directory, not a scenario file')
+    names = ', '.join(shipped) or 'none found'
+    raise ScenarioError(f'there is no such file, and no shipped scenario of that name ({names})')
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """Return the scenarios that come with the package, by name."""
+    for folder in _config_folders():
+        found = {path.stem: path for path in sorted(folder.glob('*.yaml'))}
+        if found:
+            return found
+    return {}
+
+
+def _config_folders() -> list[Path]:
+    """Return where config/ may be: the source tree, a ROS workspace, what pip installed."""
+    folders = []
+    source = Path(__file__).parents[2]
+    if (source / 'package.xml').is_file():
+        folders.append(source / 'config')
+    try:
+        from ament_index_python.packages import get_package_share_directory
+
+        folders.append(Path(get_package_share_directory(PACKAGE)) / 'config')
+    except (ImportError, LookupError):
+        pass  # no ROS here, or none that knows the package
+    folders.append(Path(sys.prefix) / 'share' / PACKAGE / 'config')
+    return folders

@@ -1,0 +1,218 @@
+"""A scenario as plain data, as YAML and JSON hold it, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+import os
+from pathlib import Path
+from typing import Any
+
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario.scenario import check_controller_name, Scenario
+from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
+from nadrc_ros.simulation.experiment import Retune
+from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.simulation.plants import Plant, PLANTS
+
+KEYS = (
+    'plant',
+    'reference',
+    'disturbance',
+    'noise',
+    'seed',
+    'rate',
+    'duration',
+    'error',
+    'limits',
+    'controllers',
+    'retune',
+)
+NEEDED = {'plant': 'plant: paper', 'reference': 'reference: cosine', 'controllers': 'controllers:'}
+LIMITS = ('command_min', 'command_max', 'command_rate_limit')
+
+
+def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
+    """
+    Return the scenario that ``data`` describes; a plant file is sought from ``base_dir``.
+
+    The keys are those of ``KEYS``. In a controller, ``plant_order`` and ``b0`` may be left out and
+    are then those of the plant; ``limits`` apply to every controller that does not say otherwise.
+
+    Raises
+    ------
+    SettingError, ScenarioError
+        What is wrong, by its dotted path.
+
+    """
+    _refuse_unknown(data, KEYS, '')
+    given = {key: value for key, value in data.items() if value is not None}
+    for key, example in NEEDED.items():
+        if key not in given:
+            raise ScenarioError(f'the key {key} is missing, for instance `{example}`')
+    spec, initial_state = _plant(given['plant'], base_dir)
+    limits = _limits(given.get('limits', {}))
+    same = {key: given[key] for key in ('rate', 'duration', 'error') if key in given}
+    return Scenario(
+        plant=spec,
+        initial_state=initial_state,
+        reference=_signal(given['reference'], 'reference'),
+        disturbance=_signal(given.get('disturbance', 'none'), 'disturbance'),
+        noise=_noise(given.get('noise', {}), given.get('seed', 0)),
+        controllers=_controllers(given['controllers'], limits, spec.make()),
+        retunes=_retunes(given.get('retune', [])),
+        **same,
+    )
+
+
+def to_mapping(scenario: Scenario) -> dict[str, Any]:
+    """Return plain data from which :func:`from_mapping` makes an equal scenario."""
+    spec = scenario.plant
+    where = {'file': spec.file, 'class': spec.class_name} if spec.file else {'name': spec.name}
+    noise = scenario.noise
+    data = {
+        'plant': {
+            **{key: value for key, value in where.items() if value},
+            **spec.values,
+            'initial_state': scenario.initial_state,
+        },
+        'reference': {'signal': scenario.reference.name, **scenario.reference.values},
+        'disturbance': {'signal': scenario.disturbance.name, **scenario.disturbance.values},
+        'noise': {'variance': noise.variance, 'sample_time': noise.sample_time},
+        'seed': noise.seed,
+        'rate': scenario.rate,
+        'duration': scenario.duration,
+        'error': scenario.error,
+        'controllers': {name: _settings(s) for name, s in scenario.controllers.items()},
+        'retune': [{'time': r.time, **r.settings} for r in scenario.retunes],
+    }
+    plain: dict[str, Any] = _plain(data)
+    return plain
+
+
+def _plant(data: Any, base_dir: str | Path) -> tuple[PlantSpec, Any]:
+    values = _long_form(data, 'name', 'plant')
+    initial_state = values.pop('initial_state', ())
+    name, file, class_name = (values.pop(key, '') for key in ('name', 'file', 'class'))
+    for key, value in (('name', name), ('file', file), ('class', class_name)):
+        if not isinstance(value, str):
+            raise SettingError(f'plant.{key}', value, 'a string')
+    if bool(name) == bool(file):
+        raise ScenarioError(
+            'plant needs either a name, one of ' + ', '.join(PLANTS) + ', or a file'
+        )
+    if class_name and not file:
+        raise SettingError('plant.class', class_name, 'left out: it belongs to a plant file')
+    if file:
+        file = os.path.abspath(Path(base_dir) / Path(file).expanduser())
+    try:
+        spec = PlantSpec(name=name, file=file, class_name=class_name, values=values)
+    except SettingError as error:
+        raise error.inside('plant') from None
+    return spec, initial_state
+
+
+def _signal(data: Any, path: str) -> SignalSpec:
+    values = _long_form(data, 'signal', path)
+    name = values.pop('signal', None)
+    if not isinstance(name, str):
+        raise SettingError(f'{path}.signal', name, 'the name of a signal')
+    try:
+        return SignalSpec(name=name, values=values)
+    except SettingError as error:
+        raise error.inside(path) from None
+
+
+def _noise(data: Any, seed: Any) -> Noise:
+    values = _mapping(data, 'noise')
+    _refuse_unknown(values, ('variance', 'sample_time'), 'noise')
+    build(Noise, {'seed': seed})  # a bad seed is named without the path of the noise
+    return build(Noise, values | {'seed': seed}, 'noise')
+
+
+def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, ControllerSettings]:
+    controllers = {}
+    for name, values in _mapping(data, 'controllers').items():
+        check_controller_name(name)
+        path = f'controllers.{name}'
+        defaults = {'plant_order': plant.order, 'b0': float(plant.b0), **limits}
+        own = _mapping({} if values is None else values, path)
+        controllers[name] = build(ControllerSettings, defaults | own, path)
+    return controllers
+
+
+def _limits(data: Any) -> dict[str, Any]:
+    values = _mapping(data, 'limits')
+    _refuse_unknown(values, LIMITS, 'limits')
+    for key, value in values.items():
+        setting = declared(ControllerSettings)[key]
+        if not setting.accepts(value):
+            raise SettingError(f'limits.{key}', value, setting.allowed())
+    low, high = values.get('command_min', -inf), values.get('command_max', inf)
+    if not low < high:
+        raise SettingError('limits.command_min', low, f'below command_max = {high!r}')
+    return values
+
+
+def _retunes(data: Any) -> tuple[Retune, ...]:
+    if not isinstance(data, list):
+        raise SettingError('retune', data, 'a list of {time: ..., <setting>: ...}')
+    retunes = []
+    for i, item in enumerate(data):
+        values = _mapping(item, f'retune[{i}]')
+        if 'time' not in values:
+            raise ScenarioError(f'retune[{i}].time is missing')
+        time = values.pop('time')
+        retunes.append(build(Retune, {'time': time, 'settings': values}, f'retune[{i}]'))
+    return tuple(retunes)
+
+
+def _settings(settings: ControllerSettings) -> dict[str, Any]:
+    """Return what differs from the defaults, and what would else come from the plant."""
+    always = ('plant_order', 'b0', 'structure')
+    return {
+        name: getattr(settings, name)
+        for name, setting in declared(ControllerSettings).items()
+        if name in always or getattr(settings, name) != setting.default
+    }
+
+
+def _long_form(data: Any, key: str, path: str) -> dict[str, Any]:
+    return {key: data} if isinstance(data, str) else _mapping(data, path)
+
+
+def _mapping(data: Any, path: str) -> dict[str, Any]:
+    if not isinstance(data, dict):
+        raise SettingError(path, data, 'a mapping of keys to values')
+    for key, value in data.items():
+        if not isinstance(key, str):
+            raise SettingError(
+                f'{path}.{key}',
+                value,
+                'left out: a key is a word, in quotes if YAML reads it otherwise',
+            )
+    return dict(data)
+
+
+def _refuse_unknown(data: Mapping[Any, Any], allowed: tuple[str, ...], path: str) -> None:
+    for key, value in data.items():
+        if key not in allowed:
+            error = SettingError(
+                str(key), value, 'left out: allowed keys are ' + ', '.join(allowed)
+            )
+            raise error.inside(path)
+
+
+def _plain(value: Any) -> Any:
+    """Return ``value`` in the types that YAML and JSON know: also a NumPy number, a tuple."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    for kind in (bool, int, float):
+        if isinstance(value, kind):
+            return kind(value)
+    return value
