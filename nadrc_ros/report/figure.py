@@ -1,0 +1,156 @@
+"""The picture of an experiment: outputs, errors, commands and disturbance estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from io import BytesIO
+from itertools import cycle
+from math import ceil
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from nadrc_ros.report.caption import Mark
+from nadrc_ros.report.trace import Array, Trace
+from nadrc_ros.simulation.metrics import SETTLE_TIME
+import numpy as np
+
+FORMATS = ('png', 'svg', 'pdf')
+# Okabe and Ito's colours, safe for the colour-blind, in an order in which neighbours also differ
+# in lightness, so that a greyscale print stays readable.
+COLOURS = ('#E69F00', '#0072B2', '#CC79A7', '#004D40', '#56B4E9', '#D55E00')
+DASHES = ('-', '-', '--', '--', '-.', '-.')
+THICK, THIN = 1.8, 0.9
+CUT = 2.5  # times what comes later: a start larger than that is cut off
+LEGEND_COLUMNS = 6
+INK, GREY = '#1a1a1a', '#8a8a8a'
+WIDTH = 10.0  # inches
+ROW, HEAD, LEGEND_LINE, FOOT = 1.75, 0.75, 0.2, 0.55
+STYLE = {
+    'agg.path.chunksize': 10000,
+    'axes.edgecolor': GREY,
+    'axes.grid': True,
+    'axes.spines.right': False,
+    'axes.spines.top': False,
+    'axes.titlelocation': 'left',
+    'axes.titlesize': 9.5,
+    'font.size': 9,
+    'grid.color': '#e4e4e4',
+    'grid.linewidth': 0.6,
+    'lines.linewidth': 1.2,
+    'xtick.color': INK,
+    'ytick.color': INK,
+}
+
+
+def draw(traces: Mapping[str, Trace], title: str, marks: Sequence[Mark] = ()) -> Figure:
+    """
+    Return a figure with a row each for output, error and command, and one per controller.
+
+    The last rows hold the disturbance estimate of a controller against the truth, which differs
+    between controllers because it depends on the command. A start that would make all the rest
+    look flat runs out of its frame.
+    """
+    with rc_context(STYLE):
+        rows = 3 + len(traces)
+        head = HEAD + ceil((2 + len(traces)) / LEGEND_COLUMNS) * LEGEND_LINE
+        height = head + rows * ROW + FOOT
+        figure = Figure(figsize=(WIDTH, height))
+        axes = list(figure.subplots(rows, 1, sharex=True))
+        colours = dict(zip(traces, cycle(COLOURS)))
+        dashes = dict(zip(traces, cycle(DASHES)))
+        busiest_first = sorted(traces, key=lambda name: -traces[name].unrest)
+        for name, width in zip(busiest_first, np.linspace(THICK, THIN, len(traces))):
+            # The busiest lines lie lowest and are the thickest, or they would hide the others.
+            trace = traces[name]
+            look = {'color': colours[name], 'linestyle': dashes[name], 'linewidth': width}
+            axes[0].plot(trace.time, trace.output, **look)
+            axes[1].plot(trace.time, trace.error, **look)
+            axes[2].step(trace.time, trace.command, where='post', **look)
+        first = next(iter(traces.values()))
+        axes[0].plot(first.time, first.reference, color=INK, linestyle=(0, (4, 3)), linewidth=1.0)
+        axes[0].set_title('output y and reference r')
+        axes[1].set_title('tracking error r − y')
+        axes[2].set_title('command u')
+        _frame(axes[1], [(t.time, t.error) for t in traces.values()])
+        _frame(axes[2], [(t.time, t.command) for t in traces.values()])
+        truths = [(t.time, t.total_disturbance) for t in traces.values()]
+        estimates = [(t.time, t.disturbance_estimate) for t in traces.values()]
+        for axis, (name, trace) in zip(axes[3:], traces.items()):
+            axis.plot(trace.time, trace.disturbance_estimate, color=colours[name])
+            axis.plot(trace.time, trace.total_disturbance, color=INK, linewidth=0.9)
+            axis.set_title(f'total disturbance and its estimate: {name}')
+            _frame(axis, truths + estimates)
+        axes[-1].set_xlabel('time [s]')
+        axes[-1].set_xlim(_span(traces))
+        _mark(axes, marks)
+        figure.subplots_adjust(
+            left=0.08,
+            right=0.985,
+            top=1 - head / height,
+            bottom=FOOT / height,
+            hspace=0.36,
+        )
+        figure.suptitle(title, x=0.08, y=1 - 0.12 / height, ha='left', va='top', weight='bold')
+        handles = [Line2D([], [], color=INK, linestyle=(0, (4, 3)), linewidth=1.0)]
+        handles += [Line2D([], [], color=INK, linewidth=0.9)]
+        handles += [
+            Line2D([], [], color=colours[name], linestyle=dashes[name], linewidth=2.0)
+            for name in traces
+        ]
+        figure.legend(
+            handles,
+            ['reference', 'true disturbance', *traces],
+            loc='upper left',
+            bbox_to_anchor=(0.075, 1 - 0.33 / height),
+            ncol=LEGEND_COLUMNS,
+            frameon=False,
+            borderaxespad=0.0,
+        )
+    return figure
+
+
+def render(figure: Figure, file_format: str) -> bytes:
+    """Return the figure as the contents of a file of that format, one of ``FORMATS``."""
+    buffer = BytesIO()
+    with rc_context(STYLE):
+        figure.savefig(buffer, format=file_format, dpi=150)
+    return buffer.getvalue()
+
+
+def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:
+    """Cut a start off that would make all the rest look flat, and say so."""
+    whole = _finite(values for _, values in lines)
+    late = _finite(values[time >= SETTLE_TIME] for time, values in lines)
+    if not late.size or np.abs(whole).max() <= CUT * np.abs(late).max():
+        return
+    room = 0.15 * float(np.ptp(late))
+    if room > 0.0:
+        axis.set_ylim(float(late.min()) - room, float(late.max()) + room)
+        axis.set_title(axis.get_title('left') + '  (the start is cut off)')
+
+
+def _finite(columns: Iterable[Array]) -> Array:
+    return np.concatenate([values[np.isfinite(values)] for values in columns])
+
+
+def _span(traces: Mapping[str, Trace]) -> tuple[float, float]:
+    times = np.concatenate([trace.time for trace in traces.values()])
+    low, high = float(times.min()), float(times.max())
+    return low, high if high > low else low + 1.0
+
+
+def _mark(axes: Sequence[Any], marks: Sequence[Mark]) -> None:
+    for mark in marks:
+        for axis in axes:
+            axis.axvline(mark.time, color=INK, linewidth=0.9, linestyle=':')
+        axes[0].annotate(
+            mark.label,
+            (mark.time, 1.0),
+            xycoords=axes[0].get_xaxis_transform(),
+            xytext=(3, 3),
+            textcoords='offset points',
+            fontsize=8.5,
+            color=INK,
+        )
