@@ -100,7 +100,7 @@ def _config_folders() -> list[Path]:
         from ament_index_python.packages import get_package_share_directory
 
         folders.append(Path(get_package_share_directory(PACKAGE)) / 'config')
-    except (ImportError, LookupError):
-        pass  # no ROS here, or none that knows the package
+    except (ImportError, LookupError, OSError):
+        pass  # no ROS here, none that is sourced, or none that knows the package
     folders.append(Path(sys.prefix) / 'share' / PACKAGE / 'config')
     return folders

@@ -1,0 +1,42 @@
+"""
+The commands of `nadrc`, one module each.
+
+Those modules import only what describes their options, and the rest inside the command, so that
+help answers at once. Two habits are left out for the typer of Ubuntu 24.04: it refuses `X | None`,
+and behind `from __future__ import annotations` it does not see the descriptions of the options.
+"""
+
+from typing import Annotated
+
+from nadrc_ros.cli.simulate import simulate
+import typer
+
+COMMANDS = (simulate,)
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+for _command in COMMANDS:
+    app.command()(_command)
+
+
+def _print_version(asked: bool) -> None:
+    if not asked:
+        return
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        typer.echo('nadrc ' + version('nadrc_ros'))
+    except PackageNotFoundError:
+        typer.echo('nadrc, run from a source tree')
+    raise typer.Exit
+
+
+@app.callback()
+def nadrc(
+    version: Annotated[
+        bool,
+        typer.Option(
+            '--version', callback=_print_version, is_eager=True, help='Print the version and exit.'
+        ),
+    ] = False,
+) -> None:
+    """Active disturbance rejection control with nested extended state observers."""

@@ -1,0 +1,99 @@
+"""`nadrc simulate`: every controller of a scenario, offline."""
+
+# ruff: noqa: UP045
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+from nadrc_ros.cli.failure import complain, reporting
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.scenario import Scenario
+    from nadrc_ros.simulation.experiment import Result
+
+FORMATS = ('png', 'svg', 'pdf')
+
+
+def simulate(
+    file: Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')],
+    json: Annotated[
+        Optional[Path], typer.Option(help='Write scenario and figures of merit there.')
+    ] = None,
+    plot: Annotated[
+        Optional[Path], typer.Option(help='Draw a picture there (png, svg, pdf).')
+    ] = None,
+    duration: Annotated[
+        Optional[float], typer.Option(help='Length of the run in seconds.')
+    ] = None,
+    seed: Annotated[Optional[int], typer.Option(help='Seed of the noise.')] = None,
+    noise_variance: Annotated[
+        Optional[float], typer.Option(help='Variance of the noise, 0 for none.')
+    ] = None,
+    rate: Annotated[Optional[float], typer.Option(help='Control periods per second.')] = None,
+) -> None:
+    """Run a scenario offline and compare its controllers."""
+    with reporting(file):
+        from nadrc_ros.scenario import find_scenario, load
+
+        if plot is not None and plot.suffix.lstrip('.') not in FORMATS:
+            raise typer.BadParameter(
+                f'{plot} must end in .' + ', .'.join(FORMATS), param_hint='--plot'
+            )
+        path = find_scenario(file)
+        whole = load(path)
+    with reporting():
+        scenario = whole.changed(
+            duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
+        )
+    for retune in whole.retunes[len(scenario.retunes) :]:
+        complain(f'the retune at {retune.time:g} s lies after the end and is left out')
+    with reporting(file):
+        results = {name: scenario.run(name) for name in scenario.controllers}
+        for name, result in results.items():
+            _warn_if_lost(name, result)
+        if json is not None:
+            _write_json(json, scenario, results)
+        if plot is not None:
+            _write_plot(plot, path.stem, scenario, results)
+        _print_table(path.stem, scenario, results)
+
+
+def _warn_if_lost(name: str, result: 'Result') -> None:
+    import numpy as np
+
+    lost = np.flatnonzero(~np.isfinite(result.output))
+    if lost.size:
+        when = result.time[lost[0]]
+        complain(f'{name}: the plant diverged at {when:g} s; the figures are of the time before')
+
+
+def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
+    import json
+
+    from nadrc_ros.cli.writing import write_whole
+    from nadrc_ros.scenario.mapping import to_mapping
+
+    document: dict[str, Any] = {
+        'scenario': to_mapping(scenario),
+        'runs': {name: result.metrics.as_dict() for name, result in results.items()},
+    }
+    write_whole(path, (json.dumps(document, indent=2, allow_nan=False) + '\n').encode())
+
+
+def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
+    from nadrc_ros.cli.writing import write_whole
+    from nadrc_ros.report.caption import marks_of, title_of
+    from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.report.trace import trace_of
+
+    traces = {run: trace_of(result) for run, result in results.items()}
+    figure = draw(traces, title_of(name, scenario), marks_of(scenario))
+    write_whole(path, render(figure, path.suffix.lstrip('.')))
+
+
+def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
+    from nadrc_ros.cli.table import print_figures_of_merit
+    from nadrc_ros.report.caption import title_of
+
+    metrics = {run: result.metrics for run, result in results.items()}
+    print_figures_of_merit(title_of(name, scenario), metrics)

@@ -1,0 +1,26 @@
+"""Files that are there in full or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """
+    Write beside the file and rename, so that no reader sees half of it.
+
+    What exists and is not a plain file, such as /dev/null, is written to directly.
+    """
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
+    part = path.with_name(f'.{path.name}.{os.getpid()}.part')
+    try:
+        part.write_bytes(content)
+        os.replace(part, path)
+    except FileNotFoundError as error:
+        raise OSError(error.errno, 'there is no such folder', str(path.parent)) from None
+    finally:
+        part.unlink(missing_ok=True)
