@@ -18,6 +18,8 @@ from nadrc_ros.adrc.errors import SettingError
 
 T = TypeVar('T')
 _KEY = 'declared'
+# Nearer to 0 than this a number that must not be 0 is taken as 0: one over it must stay finite.
+TINY = 1e-12
 
 
 @attrs.frozen(kw_only=True)
@@ -63,9 +65,11 @@ class Declared:
         return self._inside(value)
 
     def _inside(self, value: object) -> bool:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
             return False
-        if self.nonzero and value == 0:
+        if isinstance(value, float) and not isfinite(value):
+            return False
+        if self.nonzero and abs(value) < TINY:
             return False
         return self.low is None or self.high is None or self.low <= value <= self.high
 
@@ -187,12 +191,15 @@ def _field(declaration: Declared) -> Any:
 
 
 def _to_float(value: Any) -> Any:
-    return float(value) if type(value) is int else value
+    try:
+        return float(value) if type(value) is int else value
+    except OverflowError:
+        return value
 
 
 def _to_tuple(value: Any) -> Any:
     """Take a YAML list or a ROS array as a tuple; nonsense is left to the check."""
-    if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
+    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, '__iter__'):
         return value
     return tuple(_to_float(item) for item in value)
 
