@@ -25,9 +25,9 @@ def fhan(x1: float, x2: float, acceleration: float, h: float) -> float:
         a = a0 + copysign(0.5 * (sqrt(d * (d + 8.0 * abs(y))) - d), y)
     else:
         a = a0 + y
-    if abs(a) > d:
-        return -copysign(acceleration, a)
-    return -acceleration * a / d
+    if abs(a) < d:
+        return -acceleration * a / d
+    return -copysign(acceleration, a)
 
 
 def track(reference: float, acceleration: float, dt: float, profile: Vector) -> None:
@@ -35,9 +35,9 @@ def track(reference: float, acceleration: float, dt: float, profile: Vector) -> 
     Advance the profile r1, r2, ... (n+1,) towards ``reference`` by one step of ``dt`` seconds.
 
     r1 <- r1 + h r2, r2 <- r2 + h fhan(r1 - r, r2, R, h); for n >= 3, r3 is the acceleration just
-    used. The n-th derivative, which would enter the command directly, and any beyond r3 are 0: the
-    bang-bang acceleration is not a feed-forward. While |r''| < R the profile lags a smooth
-    reference by two steps.
+    used. For n = 2 it would enter the command directly and is 0, as is any beyond r3: the
+    bang-bang acceleration is not a feed-forward. A reference that moves at v, with |r''| < R, is
+    trailed by v^2 / (2 R) + 1.5 h v: the profile could always stop where the reference is.
     """
     r1 = profile[0]
     r2 = profile[1]
