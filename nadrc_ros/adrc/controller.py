@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isfinite, nan
+from math import inf, nan
 
 from nadrc_ros.adrc.design import Design, make_design, Vector
 from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.law import (
+    approach,
     blank_state,
     clamp,
+    LARGEST,
     limit,
     raw_command,
     resolve,
@@ -19,7 +22,7 @@ from nadrc_ros.adrc.law import (
     step,
 )
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.status import NO_MEASUREMENT, Status
+from nadrc_ros.adrc.status import NO_MEASUREMENT, SATURATED, Status
 from nadrc_ros.adrc.supervisor import (
     Cause,
     HOLDING,
@@ -50,24 +53,36 @@ def tick(
 
     ``measurement`` is nan when none came. ``reference`` (n+1,) is the last one received; before
     the first it is written here: the first valid measurement, held. ``dt`` is the time this tick's
-    sample spans, ``elapsed`` the time since the last tick [s]. On entering OK the first command
-    equals ``applied``; the law goes on from there.
+    sample spans, ``elapsed`` the time since the last tick [s], over which the rate limit counts.
+    On entering OK the first command equals ``applied``; the law goes on from there.
     """
-    if watch.measurement_age == inf and isfinite(measurement):
+    if not -LARGEST < applied < LARGEST:
+        applied = design.safe_command
+    if not elapsed > 0.0:
+        elapsed = 0.0
+    span = watch.gap + dt
+    if not dt > 0.0:
+        dt = 0.0
+    if watch.measurement_age == inf and -LARGEST < measurement < LARGEST:
         if watch.reference_age == inf and not referenced:
             _hold(reference, measurement)
         start(design, measurement, applied, reference[0], state)
-    command, status = step(design, state, reference, measurement, applied, watch.gap + dt, out)
-    before = watch.mode
+    command, status = step(design, state, reference, measurement, applied, span, out)
+    if elapsed < span and status <= SATURATED:
+        command, limited = limit(design, command, applied, elapsed)
+        status = max(status, limited)
+    before = watch
     at_safe = applied == design.safe_command
     measured = status < NO_MEASUREMENT
     watch = supervise(design, watch, enabled, measured, referenced, at_safe, dt, elapsed)
     if watch.cause == REFERENCE_TIMEOUT:
         _hold(reference, reference[0])
     if watch.mode == MODE_OK:
-        if before != MODE_OK:
+        if before.mode != MODE_OK:
             if watch.reference_age == inf:
                 _hold(reference, measurement)
+            if before.cause != REFERENCE_TIMEOUT:
+                approach(design, measurement, out)
             resolve(design, out, applied)
             command = clamp(design, applied)
     elif watch.mode != HOLDING:
@@ -108,7 +123,7 @@ class Controller:
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
         self._next = blank_state(self.design)
-        self._pending: ControllerSettings | None = None
+        self._pending: tuple[ControllerSettings, Design] | None = None
         self._restart = False
 
     def tick(
@@ -134,20 +149,20 @@ class Controller:
         reference
             r and the derivatives that are known, or None when no new one came.
         applied
-            The command that really acted since the last tick, by default the one returned then.
+            The command that really acted since the last tick; unknown, the one returned then.
 
         """
         referenced = reference is not None and self._take(reference)
-        if applied is None:
+        if applied is None or not -LARGEST < applied < LARGEST:
             applied = self.command
         if elapsed is None:
             elapsed = dt
-        if self._restart and isfinite(measurement):
+        if self._restart and -LARGEST < measurement < LARGEST:
             start(self.design, measurement, applied, self.reference[0], self.state)
             if self.watch.mode == MODE_OK:
                 self.watch = self.watch._replace(mode=HOLDING, good=0)
             self._restart = False
-        span = self.watch.gap + dt
+        span = min(self.watch.gap + dt, elapsed)
         command, status, self.watch = tick(
             self.design,
             self.state,
@@ -165,7 +180,7 @@ class Controller:
         self.status = Status(status)
         self.counts[self.status] += 1
         if self._pending is not None:
-            command = self._swap(self._pending, command, applied, span)
+            command = self._swap(*self._pending, command, applied, span)
         self.command = command
         return command
 
@@ -176,14 +191,14 @@ class Controller:
         Raises
         ------
         SettingError
-            When the plant order differs.
+            When a setting that is fixed at start differs, the plant order for one.
 
         """
-        if settings.plant_order != self.design.order:
-            raise SettingError(
-                'plant_order', settings.plant_order, f'{self.design.order}: it is fixed at start'
-            )
-        self._pending = settings
+        for name, field in declared(ControllerSettings).items():
+            now, wanted = getattr(self.settings, name), getattr(settings, name)
+            if not field.live and wanted != now:
+                raise SettingError(name, wanted, f'{now}: it is fixed at start')
+        self._pending = settings, make_design(settings)
 
     def reset(self) -> None:
         """Forget the estimates; the next valid measurement restarts them without a bump."""
@@ -227,8 +242,8 @@ class Controller:
         return total + self.state.profile[self.design.order] if self.design.error_based else total
 
     def _take(self, reference: Sequence[float]) -> bool:
-        """Keep a received reference with its known derivatives; refuse one that is not finite."""
-        if not all(map(isfinite, reference)):
+        """Keep a received reference with its known derivatives; refuse nonsense, count it."""
+        if not len(reference) or not all(-LARGEST < value < LARGEST for value in reference):
             self.counts[Status.BAD_REFERENCE] += 1
             return False
         n = len(self.reference)
@@ -237,10 +252,14 @@ class Controller:
         return True
 
     def _swap(
-        self, settings: ControllerSettings, command: float, applied: float, span: float
+        self,
+        settings: ControllerSettings,
+        design: Design,
+        command: float,
+        applied: float,
+        span: float,
     ) -> float:
         """Take over new settings on the state just reached, and return the command under them."""
-        design = make_design(settings)
         law_command = limit(self.design, raw_command(self.design, self.state), applied, span)[0]
         self.state = retune(
             self.design, design, self.state, self.reference, law_command, applied, span

@@ -118,8 +118,9 @@ def step(
     -------
     tuple
         b0 u = v - sum_k d_k (eq. (17) of the paper and v' = v - zh_{n+1}, which it never writes),
-        limited in rate and then in magnitude. After ``dt > max_dt`` the observers restart without
-        a bump. On bad input the applied command, brought inside the limits.
+        limited in rate and then in magnitude. After ``dt > max_dt``, or should the estimates
+        overflow, the observers restart without a bump. On bad input the applied command, brought
+        inside the limits.
 
     """
     if not -LARGEST < measurement < LARGEST:
@@ -130,24 +131,23 @@ def step(
         applied = design.safe_command
     if not -LARGEST < reference[0] < LARGEST:
         return _refuse(design, state, applied, out, BAD_REFERENCE)
+    if design.error_based and not _usable(reference):  # no sum below would show it
+        return _refuse(design, state, applied, out, BAD_REFERENCE)
     if dt > design.max_dt:
-        start(design, measurement, applied, reference[0], out)
-        if design.tracking_acceleration <= 0.0:
-            out.profile[:] = reference
-        resolve(design, out, applied)
-        return clamp(design, applied), RESTARTED
+        return _restart(design, state, reference, measurement, applied, out)
     profile = out.profile
     if design.tracking_acceleration > 0.0:
         profile[:] = state.profile
         track(reference[0], design.tracking_acceleration, dt, profile)
     else:
         profile[:] = reference
+    observed = measurement
     if design.error_based:
-        measurement -= profile[0]
-    update(design, state.levels, measurement, applied, dt, out.levels, out.scratch)
+        observed -= profile[0]
+    update(design, state.levels, observed, applied, dt, out.levels, out.scratch)
     raw = raw_command(design, out)
-    if not isfinite(raw):  # all else is bounded: a derivative of the reference was not finite
-        return _refuse(design, state, applied, out, BAD_REFERENCE)
+    if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
+        return _restart(design, state, reference, measurement, applied, out)
     return limit(design, raw, applied, dt)
 
 
@@ -196,6 +196,18 @@ def resolve(design: Design, state: State, command: float) -> None:
     state.levels[0][design.order] += design.b0 * (raw_command(design, state) - command)
 
 
+def approach(design: Design, measurement: float, state: State) -> None:
+    """With the tracking differentiator, let the profile start at rest at the measurement."""
+    if design.tracking_acceleration <= 0.0:
+        return
+    for i in range(design.order + 1):
+        origin = measurement if i == 0 else 0.0
+        if design.error_based and i < design.order:
+            for k in range(design.levels):
+                state.levels[k][i] += state.profile[i] - origin
+        state.profile[i] = origin
+
+
 def retune(
     old: Design,
     new: Design,
@@ -234,6 +246,30 @@ def retune(
         target = command
     resolve(new, after, target)
     return after
+
+
+def _restart(
+    design: Design,
+    state: State,
+    reference: Vector,
+    measurement: float,
+    applied: float,
+    out: State,
+) -> tuple[float, int]:
+    if design.tracking_acceleration <= 0.0 and not _usable(reference):
+        return _refuse(design, state, applied, out, BAD_REFERENCE)
+    start(design, measurement, applied, reference[0], out)
+    if design.tracking_acceleration <= 0.0:
+        out.profile[:] = reference
+    resolve(design, out, applied)
+    return clamp(design, applied), RESTARTED
+
+
+def _usable(reference: Vector) -> bool:
+    usable = True
+    for value in reference:
+        usable = usable and -LARGEST < value < LARGEST
+    return usable
 
 
 def _refuse(

@@ -53,8 +53,8 @@ class Watch(NamedTuple):
     """
     State of the policy: mode, cause, ages of the last valid inputs [s], inf where there was none.
 
-    ``fault_age`` [s] counts since the fault began, ``good`` valid samples since its cause went
-    away, ``gap`` [s] the time of samples that could not be used.
+    ``fault_age`` [s] counts since the fault began, ``good`` valid samples in a row since its cause
+    went away, ``gap`` [s] the time of samples that could not be used.
     """
 
     mode: int = SAFE
@@ -103,16 +103,23 @@ def supervise(
     if mode == RAMPING and watch.mode == RAMPING and at_safe:
         mode = SAFE
     if cause == NONE and watch.mode != MODE_OK:
-        good = watch.good + (1 if measured else 0)
+        if measured:
+            good = watch.good + 1
+        elif dt <= 0.0:  # no sample came, which is not a bad one
+            good = watch.good
         timed_out = watch.cause == MEASUREMENT_TIMEOUT or watch.cause == REFERENCE_TIMEOUT
         if good >= (design.good_samples if timed_out else 1):
             mode = MODE_OK
+    if mode == MODE_OK:
+        cause = NONE
+    elif cause == NONE or watch.cause != DISABLED:
+        cause = max(cause, watch.cause)
     return Watch(
         mode,
-        NONE if mode == MODE_OK else max(cause, watch.cause),
+        cause,
         measurement_age,
         reference_age,
         fault_age,
         good,
-        0.0 if measured else watch.gap + dt,
+        0.0 if measured else watch.gap + max(dt, 0.0),
     )
