@@ -23,7 +23,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.scenario.errors import ScenarioError
-from nadrc_ros.simulation.plants import check_plant, Plant
+from nadrc_ros.simulation.plants import check_plant, Plant, plant_type
 
 LONGEST_MESSAGE = 200
 
@@ -55,6 +55,23 @@ def load_plant(
     with blame(file):
         cls = _choose(_plant_classes(_execute(file)), class_name, file)
         return check_plant(_construct(cls, values or {}))
+
+
+def plant_class(name: str, class_name: str = '') -> type[Any]:
+    """
+    Return the class of a registered plant, or the one that the Python file ``name`` defines.
+
+    Raises
+    ------
+    ScenarioError, SettingError
+        As in :func:`load_plant`; also for a name that is neither.
+
+    """
+    if not name.endswith('.py'):
+        return plant_type(name)
+    file = os.path.abspath(name)
+    with blame(file):
+        return _choose(_plant_classes(_execute(file)), class_name, file)
 
 
 @contextmanager

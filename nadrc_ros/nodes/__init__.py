@@ -1,0 +1,1 @@
+"""Thin rclpy adapters around the law, the plants and the metrics: one file per executable."""

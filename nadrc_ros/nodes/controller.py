@@ -1,0 +1,320 @@
+"""The controller node: inner and outer observer and the law in one timer callback."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite, nan
+from pathlib import Path
+import time
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import build, choice, declared, flag, text
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, Latencies, OK, WARN
+from nadrc_ros.nodes.lockstep import Lockstep
+from nadrc_ros.nodes.pacing import PacingSettings, Ticker
+from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.stamps import SampleTimes
+from nadrc_ros.nodes.topics import Info, receive, Sender
+from nadrc_ros.simulation.experiment import KNOWN_DERIVATIVES
+from nadrc_ros.trace import TraceWriter
+from std_srvs.srv import SetBool, Trigger
+
+DERIVATIVE_TOPICS = ('reference/rate', 'reference/acceleration')[:KNOWN_DERIVATIVES]
+LEVELS = {
+    Cause.NONE: OK,
+    Cause.START: WARN,
+    Cause.DISABLED: WARN,
+    Cause.REFERENCE_TIMEOUT: ERROR,
+    Cause.MEASUREMENT_TIMEOUT: ERROR,
+}
+
+
+@attrs.frozen(kw_only=True)
+class LoopSettings:
+    """How the controller is wired into the graph; fixed at start."""
+
+    trigger: str = choice(
+        'timer',
+        ('timer', 'measurement'),
+        'what starts a step: a fixed-rate timer, or each received measurement',
+        live=False,
+    )
+    enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
+    trace: str = text(
+        '', 'new file for one record per step, from which the run can be replayed', live=False
+    )
+
+
+class ControllerNode(LiveNode):
+    """
+    N-ADRC on the graph: ``reference`` and ``measurement`` in, ``command`` out.
+
+    A tick without a new measurement holds the command and leaves the observers as they are; the
+    next sample's time step spans the gap. The command is sent before anything else is done with
+    it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('controller')
+        self.pacing = ParameterGroup(
+            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
+        ).value
+        loop = ParameterGroup(
+            self, declared(LoopSettings), lambda values: build(LoopSettings, values)
+        ).value
+        settings = ParameterGroup(
+            self, declared(ControllerSettings), self._settings, self._retune
+        ).value
+        refuse_unknown(self)
+        self.controller = Controller(settings, enabled=loop.enabled_at_start)
+        self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
+
+        n_derivatives = min(settings.plant_order, len(DERIVATIVE_TOPICS))
+        if settings.reference_derivatives != 'topics':
+            n_derivatives = 0
+        self._reference = [nan] + [0.0] * n_derivatives
+        self._referenced = False
+        self._sample: tuple[float, Info, int] | None = None
+        self._overwritten = 0
+        self._idle = 0
+        self._shown = (self.controller.mode, self.controller.cause)
+        self.latencies = Latencies()
+        self.lockstep: Lockstep | None = None
+        self._senders: dict[str, Sender] = {}
+        inputs = ['measurement', 'reference', *DERIVATIVE_TOPICS[:n_derivatives]]
+        if self.pacing.lockstep:
+            self.lockstep = Lockstep(self, self.pacing, self._fire)
+            for topic in inputs:
+                self.lockstep.input(topic)
+            self._command = self.lockstep.output('command')
+        else:
+            self._command = Sender(self, 'command')
+            receive(self, 'measurement', self._on_measurement)
+            for i, topic in enumerate(inputs[1:]):
+                receive(self, topic, self._reference_taker(i))
+            self._by_timer = loop.trigger == 'timer'
+            self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
+            stamped = not self.get_parameter('use_sim_time').value
+            self._times = SampleTimes(self.pacing.period, stamped)
+            self._ticked = self.ticker.clock.now().nanoseconds
+        self.create_service(SetBool, '~/enable', self._on_enable)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self._make_estimate_senders()
+        self.diagnostics = Diagnostics(self, self._report)
+
+    # ---- parameters and services
+    # -----------------------------------------------------------------
+
+    def _settings(self, values: dict[str, Any]) -> ControllerSettings:
+        """Make settings that also fit the rate."""
+        settings = build(ControllerSettings, values)
+        shortest = 2.0 * self.pacing.period
+        if 0.0 < settings.measurement_timeout < shortest:
+            raise SettingError(
+                'measurement_timeout',
+                settings.measurement_timeout,
+                f'0 (off) or at least two periods, {shortest:g} s',
+            )
+        if settings.max_dt < shortest:
+            raise SettingError('max_dt', settings.max_dt, f'at least two periods, {shortest:g} s')
+        return settings
+
+    def _retune(self, settings: ControllerSettings) -> None:
+        self.controller.retune(settings)
+        if self.trace is not None:
+            self.trace.settings(settings)
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
+        response.success = True
+        response.message = 'enabled' if request.data else 'disabled'
+        if request.data == self.controller.enabled:
+            response.message = 'already ' + response.message
+        self.controller.enabled = request.data
+        return response
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+        self.controller.reset()
+        if self.trace is not None:
+            self.trace.reset()
+        response.success = True
+        response.message = 'the observers restart at the next measurement, without a bump'
+        return response
+
+    # ---- samples
+    # ---------------------------------------------------------------------------------
+
+    def _on_measurement(self, value: float, info: Info) -> None:
+        if self._sample is not None:
+            self._overwritten += 1
+        self._sample = value, info, self.ticker.clock.now().nanoseconds
+        if not self._by_timer:
+            self._step()
+
+    def _reference_taker(self, index: int) -> Any:
+        def take(value: float, _: Info) -> None:
+            self._reference[index] = value
+            self._referenced = self._referenced or index == 0
+
+        return take
+
+    def _on_timer(self, _: float) -> None:
+        silent = self.ticker.clock.now().nanoseconds - self._ticked > 1.5e9 * self.pacing.period
+        if self._by_timer or silent:
+            self._step()
+
+    def _step(self) -> None:
+        """Do one real-time tick with the newest sample, or without one."""
+        now = self.ticker.clock.now().nanoseconds
+        elapsed, self._ticked = max(0.0, (now - self._ticked) * 1e-9), now
+        if self._sample is None:
+            self._idle += 1
+            self._tick(nan, 0.0, elapsed, self._take_reference())
+            return
+        (measurement, info, received), self._sample = self._sample, None
+        dt = self._times.span(info, received)
+        self._tick(measurement, dt, elapsed, self._take_reference())
+        self.latencies.add(time.time() - info['source_timestamp'] * 1e-9)
+
+    def _take_reference(self) -> list[float] | None:
+        if not self._referenced:
+            return None
+        self._referenced = False
+        return list(self._reference)
+
+    def _fire(self, values: list[float]) -> None:
+        """Do one lockstep tick."""
+        self._tick(values[0], self.pacing.period, self.pacing.period, values[1:])
+
+    # ---- the step
+    # --------------------------------------------------------------------------------
+
+    def _tick(
+        self, measurement: float, dt: float, elapsed: float, reference: list[float] | None
+    ) -> None:
+        controller = self.controller
+        quiet = controller.quiet
+        applied = controller.command
+        command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
+        if not quiet or not controller.quiet:
+            self._send(self._command, command)
+        self._send_estimates()
+        if self.trace is not None:
+            self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
+        if self._shown != (controller.mode, controller.cause):
+            self._announce()
+
+    def _send(self, sender: Sender, value: float) -> None:
+        if self.lockstep is None:
+            sender.send(value)
+        else:
+            self.lockstep.send(sender, value)
+
+    def _make_estimate_senders(self) -> None:
+        """Add the senders that are missing; none is ever destroyed while the node runs."""
+        topics = ['~/tracking', '~/output_estimate', '~/total_disturbance']
+        topics += [f'~/level_{k + 1}/disturbance' for k in range(self.controller.design.levels)]
+        for topic in topics:
+            if topic not in self._senders:
+                self._senders[topic] = (
+                    Sender(self, topic) if self.lockstep is None else self.lockstep.output(topic)
+                )
+
+    def _send_estimates(self) -> None:
+        controller = self.controller
+        disturbances = controller.disturbances
+        if len(self._senders) < 3 + len(disturbances):
+            self._make_estimate_senders()
+        values = [controller.tracking, controller.output_estimate, controller.total_disturbance]
+        for sender, value in zip(self._senders.values(), [*values, *disturbances]):
+            if isfinite(value):
+                self._send(sender, value)
+
+    # ---- what it says of itself
+    # ------------------------------------------------------------------
+
+    def _announce(self) -> None:
+        """Log a change of mode once, and tell /diagnostics at once."""
+        mode, cause = self._shown = self.controller.mode, self.controller.cause
+        message = _describe(mode, cause)
+        if mode == Mode.OK:
+            self.get_logger().info(message)
+        else:
+            self.get_logger().warning(message)
+        self.diagnostics.publish()
+
+    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        controller = self.controller
+        values: dict[str, object] = {
+            'structure': controller.settings.structure,
+            'enabled': controller.enabled,
+            'mode': controller.mode.name.lower(),
+            'cause': controller.cause.name.lower(),
+        }
+        if self.lockstep is None:
+            values |= {
+                'periods': self.ticker.periods,
+                'missed_periods': self.ticker.missed,
+                'ticks_without_measurement': self._idle,
+                'measurements_overwritten': self._overwritten,
+                'stamps_from_future': self._times.from_future,
+                'clock_jumps': self._times.clock_jumps,
+                **self.latencies.summary(),
+            }
+        values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
+        if self.trace is not None:
+            self.trace.flush()
+        return LEVELS[controller.cause], _describe(controller.mode, controller.cause), values
+
+    # ---- the end
+    # ---------------------------------------------------------------------------------
+
+    def begin_stop(self) -> None:
+        """Ramp to the safe command."""
+        self.controller.enabled = False
+
+    @property
+    def stopped(self) -> bool:
+        """Tell whether the safe command was reached."""
+        return self.lockstep is not None or self.controller.quiet
+
+    def close(self) -> None:
+        """Send the safe command, whatever the rate limit, and make sure that it arrives."""
+        if self.lockstep is not None:
+            self.lockstep.flush()
+        else:
+            self._command.send_last(self.controller.settings.safe_command)
+        if self.trace is not None:
+            self.trace.close()
+
+
+def _describe(mode: Mode, cause: Cause) -> str:
+    if mode == Mode.OK:
+        return 'in control'
+    action = {
+        Mode.HOLDING: 'holding',
+        Mode.RAMPING: 'going to the safe command',
+        Mode.SAFE: 'at the safe command',
+    }[mode]
+    reason = {
+        Cause.NONE: 'restarting',
+        Cause.START: 'no valid measurement yet',
+        Cause.DISABLED: 'disabled',
+        Cause.MEASUREMENT_TIMEOUT: 'no valid measurement',
+        Cause.REFERENCE_TIMEOUT: 'no valid reference',
+    }[cause]
+    return f'{action}: {reason}'
+
+
+def main() -> int:
+    """Run the controller node."""
+    return run(ControllerNode)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,65 @@
+"""What a node says about itself on /diagnostics."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
+
+Report = Callable[[], tuple[bytes, str, Mapping[str, object]]]
+
+
+class Diagnostics:
+    """Publishes level, message and values of a node once per second, and at once when asked."""
+
+    def __init__(self, node: Node, report: Report) -> None:
+        self._node = node
+        self._report = report
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish(self) -> None:
+        """Publish now."""
+        level, message, values = self._report()
+        status = DiagnosticStatus(
+            level=level,
+            name=self._node.get_fully_qualified_name(),
+            message=message,
+            hardware_id='nadrc_ros',
+            values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+
+
+class Latencies:
+    """The last few thousand latencies [s], summarised in milliseconds."""
+
+    def __init__(self, size: int = 4096) -> None:
+        self._values: deque[float] = deque(maxlen=size)
+
+    def add(self, seconds: float) -> None:
+        """Add one."""
+        self._values.append(seconds)
+
+    def summary(self) -> dict[str, float]:
+        """Return median and 99th percentile [ms]; empty before the first."""
+        ordered = sorted(self._values)
+        if not ordered:
+            return {}
+        return {
+            'latency_median_ms': 1e3 * ordered[len(ordered) // 2],
+            'latency_p99_ms': 1e3 * ordered[min(len(ordered) - 1, len(ordered) * 99 // 100)],
+        }
+
+
+def _text(value: object) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)

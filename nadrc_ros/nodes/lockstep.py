@@ -1,0 +1,147 @@
+"""Lockstep: synchronous dataflow over topics; the graph gives the bits of the simulation."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import time
+
+from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.nodes.runtime import LiveNode
+from nadrc_ros.nodes.topics import Info, LOCKSTEP_RECEIVE, LOCKSTEP_SEND, receive, Sender
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+
+# rclpy has RCLError only in its extension module; every error of a publisher is a RuntimeError.
+PublishError = RuntimeError
+
+
+class Lockstep:
+    """
+    Fires its node once per complete set of input samples.
+
+    Parameters
+    ----------
+    node
+        Ends, with a message, when a sample is missing or does not come in time.
+    pacing
+        Run length, expected readers and timeouts.
+    fire
+        Called with one value per input, in the order of the inputs.
+    start
+        Called once, when every expected reader of this node's outputs is there.
+
+    """
+
+    def __init__(
+        self,
+        node: LiveNode,
+        pacing: PacingSettings,
+        fire: Callable[[list[float]], None],
+        start: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.fired = 0
+        self._node = node
+        self._pacing = pacing
+        self._fire = fire
+        self._start = start
+        self._started = False
+        self._began = time.monotonic()
+        self._last = self._began
+        self._topics: list[str] = []
+        self._queues: list[deque[float]] = []
+        self._numbers: list[int] = []
+        self._senders: list[Sender] = []
+        self._poll = node.create_timer(
+            0.02, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def input(self, topic: str) -> None:
+        """Add an input; samples are taken in the order in which inputs were added."""
+        index = len(self._queues)
+        self._queues.append(deque())
+        self._numbers.append(0)
+
+        def take(value: float, info: Info) -> None:
+            self._take(index, value, info)
+
+        self._topics.append(receive(self._node, topic, take, LOCKSTEP_RECEIVE))
+
+    def output(self, topic: str) -> Sender:
+        """Add an output."""
+        sender = Sender(self._node, topic, LOCKSTEP_SEND)
+        self._senders.append(sender)
+        return sender
+
+    def send(self, sender: Sender, value: float) -> None:
+        """Publish, waiting for a slow reader whose history is full."""
+        end = time.monotonic() + self._pacing.lockstep_timeout
+        while True:
+            try:
+                sender.send(value)
+                return
+            except PublishError as error:
+                if time.monotonic() > end:
+                    self._node.fail(f'{sender.topic}: a reader does not keep up ({error})')
+                    return
+                time.sleep(0.001)
+
+    def flush(self) -> None:
+        """Wait until every reader has everything that was sent."""
+        for sender in self._senders:
+            sender.publisher.wait_for_all_acked(Duration(seconds=self._pacing.lockstep_timeout))
+
+    def _take(self, index: int, value: float, info: Info) -> None:
+        number = info['publication_sequence_number']
+        expected = self._numbers[index] + 1
+        if number is not None and number != expected:
+            self._node.fail(f'{self._topics[index]}: sample {expected} is missing, {number} came')
+            return
+        self._numbers[index] = expected
+        self._queues[index].append(value)
+        self._drain()
+
+    def _drain(self) -> None:
+        while self._started and not self._node.finished and all(self._queues):
+            self._last = time.monotonic()
+            values = [queue.popleft() for queue in self._queues]
+            self.fired += 1
+            self._fire(values)
+            if self.fired >= self._pacing.steps:
+                self._node.finished = True
+
+    def _watch(self) -> None:
+        if self._node.finished:
+            return
+        now = time.monotonic()
+        if self._started:
+            if now - self._last > self._pacing.lockstep_timeout:
+                empty = [t for t, queue in zip(self._topics, self._queues) if not queue]
+                self._node.fail(
+                    f'{", ".join(empty)}: no sample {self.fired + 1} for '
+                    f'{self._pacing.lockstep_timeout:g} s'
+                )
+            return
+        missing = self._missing_readers()
+        if not missing:
+            self._started = True
+            self._last = now
+            self._start()
+            self._drain()
+        elif now - self._began > self._pacing.start_timeout:
+            self._node.fail(
+                'no start: '
+                + '; '.join(f'{topic} has no reader {name}' for topic, name in missing)
+            )
+
+    def _missing_readers(self) -> list[tuple[str, str]]:
+        missing = []
+        for topic, names in self._pacing.expected_readers().items():
+            full = self._node.resolve_topic_name(topic)
+            there = {
+                info.node_name
+                for info in self._node.get_subscriptions_info_by_topic(full)
+                if info.node_namespace == self._node.get_namespace()
+            }
+            missing += [(full, name) for name in names if name not in there]
+        return missing

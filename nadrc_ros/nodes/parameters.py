@@ -1,0 +1,131 @@
+"""Declared settings as ROS parameters: validated as a merged set, refused with a reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any, Generic, TypeVar
+
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import Declared
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+T = TypeVar('T')
+
+_TYPES = {
+    'number': Parameter.Type.DOUBLE,
+    'integer': Parameter.Type.INTEGER,
+    'numbers': Parameter.Type.DOUBLE_ARRAY,
+    'choice': Parameter.Type.STRING,
+    'text': Parameter.Type.STRING,
+    'flag': Parameter.Type.BOOL,
+}
+# Parameters that rclpy itself brings to every node.
+_FOREIGN = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
+
+
+class ParameterGroup(Generic[T]):
+    """
+    Some parameters of a node that together make one validated object.
+
+    Parameters
+    ----------
+    node
+        The node that declares them.
+    fields
+        What is known of each parameter, by name.
+    make
+        Makes the object from all values; raises :class:`SettingError` for a set it refuses.
+    on_change
+        Called with the new object after an accepted change.
+
+    Raises
+    ------
+    SettingError
+        When the values the node was started with are refused.
+
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        fields: Mapping[str, Declared],
+        make: Callable[[dict[str, Any]], T],
+        on_change: Callable[[T], None] | None = None,
+    ) -> None:
+        self._make = make
+        self._on_change = on_change
+        self._values = {
+            name: node.declare_parameter(name, _default(field), _describe(field)).value
+            for name, field in fields.items()
+        }
+        self.value: T = make(dict(self._values))
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._commit)
+
+    def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
+        """Judge the merged set and change nothing; what is not of this group is not looked at."""
+        changes = {p.name: p.value for p in parameters if p.name in self._values}
+        try:
+            if changes:
+                self._make({**self._values, **changes})
+        except SettingError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _commit(self, parameters: Iterable[Parameter]) -> None:
+        changes = {p.name: p.value for p in parameters if p.name in self._values}
+        if not changes:
+            return
+        self._values.update(changes)
+        self.value = self._make(dict(self._values))
+        if self._on_change is not None:
+            self._on_change(self.value)
+
+
+def refuse_unknown(node: Node) -> None:
+    """
+    Refuse a parameter that was given at start but that the node does not have.
+
+    Raises
+    ------
+    SettingError
+        Names the parameter and the closest known one: a misspelt limit must not go unnoticed.
+
+    """
+    known = [name for name in node._parameters if not name.startswith(_FOREIGN)]
+    for name, parameter in node._parameter_overrides.items():
+        if name not in known and not name.startswith(_FOREIGN):
+            close = get_close_matches(name, known, n=1)
+            hint = f'{close[0]}, perhaps' if close else 'one of ' + ', '.join(sorted(known))
+            raise SettingError(name, parameter.value, f'a parameter of {node.get_name()}: {hint}')
+
+
+def _default(field: Declared) -> Any:
+    return list(field.default) if field.kind == 'numbers' else field.default
+
+
+def _describe(field: Declared) -> ParameterDescriptor:
+    unit = f' [{field.unit}]' if field.unit else ''
+    descriptor = ParameterDescriptor(
+        type=_TYPES[field.kind].value,
+        description=field.description + unit,
+        additional_constraints=field.allowed(),
+        read_only=not field.live,
+    )
+    if field.kind == 'number' and field.low is not None and field.high is not None:
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=field.low, to_value=field.high, step=0.0)
+        ]
+    if field.kind == 'integer' and field.low is not None and field.high is not None:
+        descriptor.integer_range = [
+            IntegerRange(from_value=int(field.low), to_value=int(field.high), step=1)
+        ]
+    return descriptor

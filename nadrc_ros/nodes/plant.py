@@ -1,0 +1,235 @@
+"""The plant node: a simulated plant that receives commands and sends noisy measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
+from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, OK, WARN
+from nadrc_ros.nodes.lockstep import Lockstep
+from nadrc_ros.nodes.pacing import PacingSettings, Ticker
+from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.topics import Info, receive, Sender
+from nadrc_ros.scenario.coefficients import plant_fields
+from nadrc_ros.scenario.specs import PlantSpec
+from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.simulation.plants import Plant
+from nadrc_ros.simulation.process import Process
+from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
+
+DISTURBANCE = 'disturbance_'
+NOISE = 'noise_'
+
+
+@attrs.frozen(kw_only=True)
+class PlantSettings:
+    """Which plant runs, from where, and what it does without commands."""
+
+    plant: str = text(
+        'paper', 'registered plant (paper, chain, motor, ...) or path of a Python file', live=False
+    )
+    plant_class: str = text('', 'class in that file, where it has several', live=False)
+    initial_state: tuple[float, ...] = numbers(
+        (0.0,), -1e9, 1e9, '', 'x(0): one entry for all states, or one for each', live=False
+    )
+    start: str = choice(
+        'on_command',
+        ('on_command', 'at_once'),
+        'whether x(0) is held until the first command',
+        live=False,
+    )
+    command_timeout: float = number(
+        0.25,
+        0.0,
+        3600.0,
+        's',
+        'silence of commands that makes the plant use safe_command; 0 = off',
+    )
+    safe_command: float = number(
+        0.0, -1e9, 1e9, 'command unit', 'command the plant uses while none comes'
+    )
+
+
+class PlantNode(LiveNode):
+    """
+    A plant on the graph: ``command`` in; ``measurement`` and, as truth, ``~/output`` out.
+
+    The command that is there when a period ends acts over the whole of it. ``~/total_disturbance``
+    is L = y^(n) - b0 u at the start of that period, for the plant's own b0.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('plant')
+        self.pacing = ParameterGroup(
+            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
+        ).value
+        self._group = ParameterGroup(
+            self, declared(PlantSettings), lambda values: build(PlantSettings, values)
+        )
+        settings = self._group.value
+        self._plants = ParameterGroup(
+            self,
+            plant_fields(settings.plant, settings.plant_class),
+            self._make_plant,
+            self._change,
+        )
+        plant = self._plants.value
+        self._disturbances = ParameterGroup(
+            self, _disturbance_fields(), _make_disturbance, self._change
+        )
+        noise = ParameterGroup(
+            self,
+            {_noise_name(name): field for name, field in declared(Noise).items()},
+            lambda values: build(
+                Noise, {name.removeprefix(NOISE): v for name, v in values.items()}
+            ),
+            lambda changed: self.process.noise.set_variance(changed.variance),
+        ).value
+        refuse_unknown(self)
+        state = settings.initial_state
+        if len(state) not in (1, plant.states):
+            raise SettingError('initial_state', state, f'a list of 1 or {plant.states} entries')
+        if len(state) == 1:
+            state = state * plant.states
+        self.process = Process(plant, self._disturbances.value, noise, self.pacing.rate, state)
+        self._started = settings.start == 'at_once'
+        self._command = settings.safe_command
+        self._age = 0.0
+        self._commanded = False
+        self._timed_out = False
+        self._diverged = False
+        self._bad_commands = 0
+        self._timeouts = 0
+        self.lockstep: Lockstep | None = None
+        if self.pacing.lockstep:
+            self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
+            self.lockstep.input('command')
+            self._measurement = self.lockstep.output('measurement')
+            self._output = self.lockstep.output('~/output')
+            self._truth = self.lockstep.output('~/total_disturbance')
+        else:
+            self._measurement = Sender(self, 'measurement')
+            self._output = Sender(self, '~/output')
+            self._truth = Sender(self, '~/total_disturbance')
+            receive(self, 'command', self._on_command)
+            self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
+        self.diagnostics = Diagnostics(self, self._report)
+
+    def _make_plant(self, values: dict[str, Any]) -> Plant:
+        settings = self._group.value
+        file = settings.plant if settings.plant.endswith('.py') else ''
+        name = '' if file else settings.plant
+        return PlantSpec(
+            name=name, file=file, class_name=settings.plant_class, values=values
+        ).make()
+
+    def _change(self, _: object) -> None:
+        self.process.change(self._plants.value, self._disturbances.value)
+
+    def _on_command(self, value: float, _: Info) -> None:
+        if not isfinite(value):
+            self._bad_commands += 1
+            return
+        self._command = value
+        self._commanded = True
+        self._started = True
+
+    def _on_timer(self, elapsed: float) -> None:
+        """End one period under the newest command, and send the sample of the next."""
+        self._age = 0.0 if self._commanded else self._age + elapsed
+        self._commanded = False
+        if self._started:
+            self._advance(self._acting_command())
+        self._send_sample()
+
+    def _acting_command(self) -> float:
+        settings = self._group.value
+        timed_out = 0.0 < settings.command_timeout < self._age
+        if timed_out and not self._timed_out:
+            self._timeouts += 1
+            self.get_logger().warning(f'no command for {self._age:.3g} s: using the safe command')
+        self._timed_out = timed_out
+        return settings.safe_command if timed_out else self._command
+
+    def _fire(self, values: list[float]) -> None:
+        """Do one lockstep period."""
+        self._advance(values[0])
+        if self.process.k < self.pacing.steps:
+            self._send_sample()
+
+    def _advance(self, command: float) -> None:
+        if self._diverged:
+            return
+        self._send(self._truth, self.process.total_disturbance(command))
+        if not self.process.advance(command):
+            self._diverged = True
+            self.get_logger().error(
+                f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '
+                'its output is not a number from here on'
+            )
+
+    def _send_sample(self) -> None:
+        self._send(self._measurement, self.process.measurement)
+        self._send(self._output, self.process.output)
+
+    def _send(self, sender: Sender, value: float) -> None:
+        if self.lockstep is None:
+            sender.send(value)
+        else:
+            self.lockstep.send(sender, value)
+
+    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        values: dict[str, object] = {
+            'time': self.process.k / self.pacing.rate,
+            'command_timeouts': self._timeouts,
+            'commands_not_finite': self._bad_commands,
+        }
+        if self.lockstep is None:
+            values |= {'periods': self.ticker.periods, 'missed_periods': self.ticker.missed}
+        if self._diverged:
+            return ERROR, 'the plant diverged', values
+        if self._timed_out:
+            return WARN, 'no command: using the safe command', values
+        return OK, 'running' if self._started or self.lockstep else 'waiting for a command', values
+
+    def close(self) -> None:
+        """Let readers take what was sent."""
+        if self.lockstep is not None:
+            self.lockstep.flush()
+
+
+def _noise_name(name: str) -> str:
+    return name if name == 'seed' else NOISE + name
+
+
+def _disturbance_fields() -> dict[str, Declared]:
+    fields = {'disturbance': _signal_field('none', 'disturbance w added to y^(n)')}
+    return fields | {DISTURBANCE + name: field for name, field in signal_fields().items()}
+
+
+def _signal_field(default: str, description: str) -> Declared:
+    return Declared(
+        kind='choice', default=default, choices=tuple(SIGNALS), description=description
+    )
+
+
+def _make_disturbance(values: dict[str, Any]) -> Signal:
+    name = values.pop('disturbance')
+    try:
+        return make_signal(name, {key.removeprefix(DISTURBANCE): v for key, v in values.items()})
+    except SettingError as error:
+        raise SettingError(DISTURBANCE + error.name, error.value, error.allowed) from None
+
+
+def main() -> int:
+    """Run the plant node."""
+    return run(PlantNode)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,286 @@
+"""The recorder node: samples to a file as they come, and the figures of merit live."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import build, choice, declared, number, text
+from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
+from nadrc_ros.nodes.lockstep import Lockstep
+from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
+from nadrc_ros.recording import RunFolder
+from nadrc_ros.simulation.metrics import Metrics
+from rclpy.clock import Clock, ClockType
+from std_srvs.srv import Trigger
+
+FLUSH = 0.2
+NEEDED = ('reference', 'measurement', 'command')
+TRUTH = ('output', 'total_disturbance')
+ESTIMATES = {
+    'tracking': 'tracking',
+    'output_estimate': 'output_estimate',
+    'disturbance_estimate': 'total_disturbance',
+}
+DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
+
+
+@attrs.frozen(kw_only=True)
+class RecorderSettings:
+    """What is recorded, and where to."""
+
+    inputs: str = text(
+        ' '.join(DEFAULT_INPUTS), 'signals to record, separated by spaces', live=False
+    )
+    plant: str = text('plant', 'name of the plant node, for its ~/output', live=False)
+    controller: str = text('controller', 'name of the controller node', live=False)
+    directory: str = text('runs', 'where a new folder is made for each run', live=False)
+    duration: float = number(
+        0.0,
+        0.0,
+        1e7,
+        's',
+        'length of a run, from the first command; 0 = until stopped',
+        live=False,
+    )
+    error: str = choice(
+        'reference',
+        ('reference', 'tracking'),
+        'error of the metrics: reference - output, or ~/tracking of the controller - output',
+        live=False,
+    )
+    command_min: float = number(
+        -1e9, -1e9, 1e9, 'command unit', 'lower limit, for the saturated fraction', live=False
+    )
+    command_max: float = number(
+        1e9, -1e9, 1e9, 'command unit', 'upper limit, for the saturated fraction', live=False
+    )
+
+    def topics(self) -> dict[str, str]:
+        """
+        Return the topic of each input, in the order of the columns.
+
+        Raises
+        ------
+        SettingError
+            For an input that does not exist, or one of the three needed ones left out.
+
+        """
+        names = self.inputs.split()
+        for name in NEEDED:
+            if name not in names:
+                raise SettingError('inputs', self.inputs, f'a list that has {name}')
+        return {name: self._topic(name) for name in names}
+
+    def _topic(self, name: str) -> str:
+        if name in NEEDED:
+            return name
+        if name in TRUTH:
+            return f'{self.plant}/{name}'
+        if name in ESTIMATES:
+            return f'{self.controller}/{ESTIMATES[name]}'
+        level = name.removeprefix('level_')
+        if name != level and level.isdigit():
+            return f'{self.controller}/level_{level}/disturbance'
+        known = ' '.join((*NEEDED, *TRUTH, *ESTIMATES, 'level_1 level_2 ...'))
+        raise SettingError('inputs', name, f'some of {known}')
+
+
+class RecorderNode(LiveNode):
+    """
+    Streams the loop's signals to ``samples.csv`` and computes its figures of merit.
+
+    In real time a row belongs to one measurement and is complete when the next one comes: the
+    command is then the one that acted meanwhile. Its time is counted in measurements since the
+    first command, by their publication numbers, so that a lost one leaves a gap and does not shift
+    the rest.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('recorder')
+        self.pacing = ParameterGroup(
+            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
+        ).value
+        self.settings = ParameterGroup(
+            self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
+        ).value
+        refuse_unknown(self)
+        topics = self.settings.topics()
+        self._columns = ['time', *topics]
+        self.lost = dict.fromkeys(topics, 0)
+        self._numbers: dict[str, int] = {}
+        self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
+        self._open_run()
+        self.lockstep: Lockstep | None = None
+        if self.pacing.lockstep:
+            self.lockstep = Lockstep(self, self.pacing, self._fire)
+            for topic in topics.values():
+                self.lockstep.input(topic)
+        else:
+            for name, topic in topics.items():
+                receive(self, topic, self._taker(name), RECORD)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(FLUSH, self._on_flush, clock=steady)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(Trigger, '~/save', self._on_save)
+        self.diagnostics = Diagnostics(self, self._report)
+
+    # ---- the run
+    # ---------------------------------------------------------------------------------
+
+    def _open_run(self) -> None:
+        self.metrics = Metrics()
+        self.recording = True
+        self._latest = dict.fromkeys(self._columns[1:], nan)
+        self._started = False
+        self._pending: tuple[int, float] | None = None
+        self._first = 0
+        self._rows = 0
+        self.folder = RunFolder(Path(self.settings.directory).expanduser(), self._columns)
+        self.get_logger().info(f'recording to {self.folder.path}')
+
+    def _end_run(self) -> None:
+        """Complete the last row and write the summary."""
+        if not self.recording:
+            return
+        self._complete_row()
+        self.recording = False
+        try:
+            self.folder.close()
+            self.folder.write_summary(self._summary())
+        except OSError as error:
+            self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
+
+    def _summary(self) -> dict[str, Any]:
+        return {
+            'metrics': self.metrics.values().as_dict(),
+            'rows': self._rows,
+            'rate': self.pacing.rate,
+            'error': self.settings.error,
+            'samples_lost': sum(self.lost.values()),
+            'samples_lost_by_signal': {name: n for name, n in self.lost.items() if n},
+            'complete': not self.recording,
+        }
+
+    # ---- samples
+    # ---------------------------------------------------------------------------------
+
+    def _taker(self, name: str) -> Any:
+        def take(value: float, info: Info) -> None:
+            number = info['publication_sequence_number']
+            if number is not None:
+                last = self._numbers.get(name, number - 1)
+                self.lost[name] += max(0, number - last - 1)
+                self._numbers[name] = number
+            if self.recording:
+                self._take(name, value, number)
+
+        return take
+
+    def _take(self, name: str, value: float, number: int | None) -> None:
+        if name == 'measurement':
+            last = self._pending[0] if self._pending else 0
+            self._complete_row()
+            self._pending = (number if number is not None else last + 1), value
+            if not self._started:
+                self._first = self._pending[0]
+        elif name == 'command':
+            self._started = True
+        self._latest[name] = value
+
+    def _complete_row(self) -> None:
+        """Write the row of the last measurement, now that its command is known."""
+        if not self._started or self._pending is None:
+            return
+        (number, measurement), self._pending = self._pending, None
+        t = (number - self._first) / self.pacing.rate
+        if t < 0.0:  # the plant was restarted: its numbers began anew
+            self._first = number - self._rows
+            t = self._rows / self.pacing.rate
+        if 0.0 < self.settings.duration <= t + 0.5 * self.pacing.period:
+            self._end_run()
+            self.get_logger().info(f'{self.settings.duration:g} s are recorded')
+            return
+        self._row(t, {**self._latest, 'measurement': measurement})
+
+    def _fire(self, values: list[float]) -> None:
+        """Record one lockstep period."""
+        self._row(self._rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
+
+    def _row(self, t: float, values: dict[str, float]) -> None:
+        settings = self.settings
+        command = values['command']
+        followed = values.get('tracking', nan)
+        if settings.error == 'reference' and values['reference'] == values['reference']:
+            followed = values['reference']
+        output = values.get('output', nan)
+        if output != output:
+            output = values['measurement']
+        saturated = command <= settings.command_min or command >= settings.command_max
+        self.metrics.add(t, self.pacing.period, followed - output, command, saturated)
+        self._rows += 1
+        try:
+            self.folder.write([t, *values.values()])
+        except OSError as error:
+            self._stop_on_full_disk(error)
+
+    def _on_flush(self) -> None:
+        if self.recording:
+            try:
+                self.folder.flush()
+            except OSError as error:
+                self._stop_on_full_disk(error)
+        for name, value in self.metrics.values().as_dict().items():
+            self._senders[name].send(float(value))
+
+    def _stop_on_full_disk(self, error: OSError) -> None:
+        self.recording = False
+        self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
+
+    # ---- services and reports
+    # --------------------------------------------------------------------
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+        self._end_run()
+        self._open_run()
+        response.success = True
+        response.message = f'a new run is recorded to {self.folder.path}'
+        return response
+
+    def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+        try:
+            if self.recording:
+                self.folder.flush()
+            self.folder.write_summary(self._summary())
+        except OSError as error:
+            response.success, response.message = False, f'cannot write: {error.strerror}'
+            return response
+        response.success, response.message = True, str(self.folder.path)
+        return response
+
+    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        lost = sum(self.lost.values())
+        values = {'rows': self._rows, 'samples_lost': lost, 'folder': self.folder.path}
+        if lost:
+            return WARN, f'{lost} samples lost', values
+        return OK, 'recording' if self.recording else 'done', values
+
+    def close(self) -> None:
+        """Write the summary."""
+        self._end_run()
+
+
+def main() -> int:
+    """Run the recorder node."""
+    return run(RecorderNode)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,107 @@
+"""The reference node: a signal generator that also sends the derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.fields import build, choice, declared
+from nadrc_ros.nodes.diagnostics import Diagnostics, OK
+from nadrc_ros.nodes.lockstep import Lockstep
+from nadrc_ros.nodes.pacing import PacingSettings, Ticker
+from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.topics import receive, Sender
+from nadrc_ros.simulation.experiment import sample_reference
+from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
+
+TOPICS = ('reference', 'reference/rate', 'reference/acceleration')
+
+
+@attrs.frozen(kw_only=True)
+class ReferenceSettings:
+    """Which signal is sent, and from when on."""
+
+    signal: str = choice('cosine', tuple(SIGNALS), 'shape of the reference')
+    start: str = choice(
+        'on_command',
+        ('on_command', 'at_once'),
+        'whether r(0) is held until the first command',
+        live=False,
+    )
+
+
+class ReferenceNode(LiveNode):
+    """Sends r, r', r'' at t_k = k / rate; r(0) until the first ``command``."""
+
+    def __init__(self) -> None:
+        super().__init__('reference')
+        self.pacing = ParameterGroup(
+            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
+        ).value
+        self._signal = ParameterGroup(
+            self, declared(ReferenceSettings) | signal_fields(), _make_signal
+        )
+        refuse_unknown(self)
+        self._started = self.get_parameter('start').value == 'at_once'
+        self.k = 0
+        self.lockstep: Lockstep | None = None
+        if self.pacing.lockstep:
+            self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
+            self.lockstep.input('measurement')
+            self._senders = [self.lockstep.output(topic) for topic in TOPICS]
+        else:
+            self._senders = [Sender(self, topic) for topic in TOPICS]
+            receive(self, 'command', lambda value, info: self._start())
+            self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
+        self.diagnostics = Diagnostics(self, self._report)
+
+    def _start(self) -> None:
+        self._started = True
+
+    def _on_timer(self, _: float) -> None:
+        if self._started:
+            self.k += 1
+        self._send_sample()
+
+    def _fire(self, _: list[float]) -> None:
+        """Send the next sample on the measurement of this one."""
+        self.k += 1
+        if self.k < self.pacing.steps:
+            self._send_sample()
+
+    def _send_sample(self) -> None:
+        values = sample_reference(self._signal.value, self.k, self.pacing.rate)
+        # The derivatives first: a controller triggered by the reference then has all of them.
+        for sender, value in zip(reversed(self._senders), reversed(values)):
+            if self.lockstep is None:
+                sender.send(value)
+            else:
+                self.lockstep.send(sender, value)
+
+    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        values: dict[str, object] = {'time': self.k / self.pacing.rate}
+        if self.lockstep is None:
+            values |= {'periods': self.ticker.periods, 'missed_periods': self.ticker.missed}
+        return OK, 'running' if self._started or self.lockstep else 'waiting for a command', values
+
+    def close(self) -> None:
+        """Let readers take what was sent."""
+        if self.lockstep is not None:
+            self.lockstep.flush()
+
+
+def _make_signal(values: dict[str, Any]) -> Signal:
+    name = values.pop('signal')
+    values.pop('start')
+    return make_signal(name, values)
+
+
+def main() -> int:
+    """Run the reference node."""
+    return run(ReferenceNode)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

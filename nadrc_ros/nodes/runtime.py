@@ -1,0 +1,129 @@
+"""How every executable of this package starts, spins and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import gc
+import signal
+import sys
+import time
+import traceback
+
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.scenario.errors import ScenarioError
+import rclpy
+from rclpy.exceptions import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterException,
+)
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+POLL = 0.05
+STOP_TIME = 0.5
+BAD_START = (
+    SettingError,
+    ScenarioError,
+    InvalidParameterException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterException,
+    OSError,
+)
+
+
+class LiveNode(Node):
+    """A node that can finish by itself, fail with a message, and stop in an orderly way."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.finished = False
+        self.failure = ''
+
+    def fail(self, message: str) -> None:
+        """End the process with exit code 1 and this message."""
+        if not self.failure:
+            self.failure = message
+            self.get_logger().error(message)
+        self.finished = True
+
+    def begin_stop(self) -> None:
+        """Start to stop; the executor goes on until ``stopped`` or for at most STOP_TIME."""
+
+    @property
+    def stopped(self) -> bool:
+        """Tell whether nothing is left to be done by callbacks."""
+        return True
+
+    def close(self) -> None:
+        """Do what is left, without callbacks: the last command, the last file."""
+
+
+def make_executor() -> Executor:
+    """Return the executor with the least latency and load that this rclpy has."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def spin_for(executor: Executor, seconds: float) -> None:
+    """
+    Run callbacks for a short time.
+
+    An untimed spin of the EventsExecutor of rclpy 7.1.6 never returns (a time overflow, mended in
+    7.1.8), so nothing here spins without a timeout.
+    """
+    executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+
+
+def run(make_node: Callable[[], LiveNode]) -> int:
+    """
+    Run one node until it finishes, fails or is told to stop; return the exit code of the process.
+
+    rclpy's own signal handlers invalidate the context at once, and a last safe command could not
+    be sent; the ones here only raise a flag, also for a second signal while stopping.
+    """
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: signals.append(received))
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = make_node()
+    except BAD_START as error:
+        return _bad_start(error)
+    except RuntimeError as error:  # what rclpy makes of a malformed --params-file or --ros-args
+        return _bad_start(error)
+    executor = make_executor()
+    executor.add_node(node)
+    gc.collect()
+    gc.freeze()  # a full collection in mid-run would stop the loop for milliseconds
+    code = 0
+    try:
+        while not signals and not node.finished:
+            spin_for(executor, POLL)
+        node.begin_stop()
+        end = time.monotonic() + STOP_TIME
+        while not node.stopped and time.monotonic() < end:
+            spin_for(executor, 0.01)
+    except Exception:
+        node.get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
+        code = 1
+    try:
+        node.close()
+    finally:
+        executor.shutdown(timeout_sec=0.0)
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 1 if node.failure else code
+
+
+def _bad_start(error: BaseException) -> int:
+    print(f'cannot start: {error}', file=sys.stderr)
+    rclpy.try_shutdown()
+    return 1

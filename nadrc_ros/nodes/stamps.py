@@ -1,0 +1,61 @@
+"""The time between samples of an unstamped topic, from what the middleware knows of them."""
+
+from __future__ import annotations
+
+from nadrc_ros.nodes.topics import Info
+
+# A source stamp this far after the receipt is from the future: clocks of one machine agree better.
+FUTURE = 1_000_000
+# A gap of the source that exceeds the gap of the receipts by this much is a jump of its clock.
+JUMP = 100_000_000
+
+
+class SampleTimes:
+    """
+    Gives the time that each sample spans, and counts what is wrong with stamps.
+
+    The source stamp is free of transport jitter and is used where plausible. Where it comes from
+    the future, or jumps although the publication numbers go on, the receipts are used. A sample
+    whose number does not go on is a duplicate or out of order: its span is not positive, and the
+    law refuses it.
+
+    Parameters
+    ----------
+    period
+        Nominal period [s].
+    stamped
+        False where source stamps and the node's clock run apart, as in simulated time.
+
+    """
+
+    def __init__(self, period: float, stamped: bool = True) -> None:
+        self.from_future = 0
+        self.clock_jumps = 0
+        self._period = period
+        self._stamped = stamped
+        self._last: tuple[int, int, int] | None = None
+
+    def span(self, info: Info, now: int) -> float:
+        """
+        Return the time since the sample before [s]; the nominal period for the first.
+
+        ``now`` is the receipt on the node's own clock [ns].
+        """
+        received = info['received_timestamp']
+        stamp = info['source_timestamp']
+        number = info['publication_sequence_number'] or 0
+        if stamp > received + FUTURE:
+            self.from_future += 1
+            stamp = received
+        if self._last is None:
+            self._last = stamp, now, number
+            return self._period
+        source, receipt = stamp - self._last[0], now - self._last[1]
+        if not self._stamped:
+            source = receipt
+        elif number > self._last[2] and (source <= 0 or source > receipt + JUMP):
+            self.clock_jumps += 1
+            source = receipt
+        if source > 0:
+            self._last = stamp, now, number
+        return float(source) * 1e-9

@@ -1,0 +1,86 @@
+"""Float64 topics: quality of service, receiving with the message info, sending."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import functools
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from std_msgs.msg import Float64
+
+Info = dict[str, Any]
+# Untimed, the wait takes seconds with a live reader.
+LAST_WAIT = Duration(seconds=0.1)
+Receive = Callable[[float, Info], None]
+
+SEND = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+# Connects to every publisher, and never waits for an old sample.
+LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+RECORD = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LOCKSTEP_SEND = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+LOCKSTEP_RECEIVE = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE
+)
+
+
+class Sender:
+    """A publisher of numbers that reuses its message."""
+
+    def __init__(self, node: Node, topic: str, qos: QoSProfile = SEND) -> None:
+        self.publisher: Publisher = node.create_publisher(
+            Float64, topic, qos, qos_overriding_options=_overridable(qos)
+        )
+        self.topic: str = self.publisher.topic_name
+        self._message = Float64()
+
+    def send(self, value: float) -> None:
+        """Publish ``value``."""
+        self._message.data = value
+        self.publisher.publish(self._message)
+
+    def send_last(self, value: float) -> None:
+        """Publish ``value`` and wait a little for it to arrive; nothing is raised at shutdown."""
+        try:
+            self.send(value)
+            self.publisher.wait_for_all_acked(LAST_WAIT)
+        except RuntimeError:  # the context is gone: nobody is left to tell
+            return
+
+
+def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST) -> str:
+    """Subscribe ``callback(value, info)`` to a topic and return its full name."""
+
+    def unpack(message: Float64, info: Info) -> None:
+        callback(message.data, info)
+
+    # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
+    @functools.wraps(unpack)
+    def call(*args: Any) -> None:
+        unpack(*(args if len(args) == 2 else args[0]))
+
+    subscription = node.create_subscription(
+        Float64, topic, call, qos, qos_overriding_options=_overridable(qos)
+    )
+    name: str = subscription.topic_name
+    return name
+
+
+def _overridable(qos: QoSProfile) -> QoSOverridingOptions | None:
+    """Let YAML override the profile of real-time topics; lockstep depends on its own."""
+    if qos.history == HistoryPolicy.KEEP_ALL:
+        return None
+    return QoSOverridingOptions.with_default_policies()

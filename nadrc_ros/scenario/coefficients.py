@@ -1,0 +1,56 @@
+"""The coefficients of a plant as declared settings, registered or from a user's file."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.fields import Declared, declared
+from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario.user_plant import plant_class
+
+LARGEST = 1e12
+KINDS = {bool: 'flag', str: 'text', int: 'number', float: 'number'}
+
+
+def plant_fields(name: str, class_name: str = '') -> dict[str, Declared]:
+    """
+    Return what is known of each coefficient of a plant, by name.
+
+    ``name`` is a registered plant or a Python file. The arguments of a plain class are described
+    by their defaults, which they must have.
+
+    Raises
+    ------
+    ScenarioError
+        When the file fails, or an argument has no default that a parameter can hold.
+    SettingError
+        For an unknown plant.
+
+    """
+    cls = plant_class(name, class_name)
+    if attrs.has(cls) and declared(cls):
+        return declared(cls)
+    return {
+        argument.name: _described(cls, argument)
+        for argument in inspect.signature(cls).parameters.values()
+        if argument.kind not in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD)
+    }
+
+
+def _described(cls: type[Any], argument: inspect.Parameter) -> Declared:
+    kind = KINDS.get(type(argument.default))
+    if kind is None:
+        raise ScenarioError(
+            f'{cls.__name__}: {argument.name} needs a default that is a number, a string or a flag'
+        )
+    default = float(argument.default) if kind == 'number' else argument.default
+    return Declared(
+        kind=kind,
+        default=default,
+        low=-LARGEST if kind == 'number' else None,
+        high=LARGEST if kind == 'number' else None,
+        description=f'argument of {cls.__name__}',
+        live=False,
+    )

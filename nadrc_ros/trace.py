@@ -1,0 +1,97 @@
+"""The trace of a controller: one line per tick, enough to replay the run to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import json
+from pathlib import Path
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.settings import ControllerSettings
+
+
+class TraceWriter:
+    """
+    Writes JSON lines: ``{"settings": ...}`` first and at every change, then one record per tick.
+
+    A record has the arguments of :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``r``, the
+    ``applied`` command), ``enabled``, and what came out: ``u`` and ``status``. Numbers are written
+    so that they read back to the bit; nan and infinities as JavaScript writes them.
+    """
+
+    def __init__(self, path: Path, settings: ControllerSettings) -> None:
+        self._file = path.open('x', encoding='utf-8')
+        self.settings(settings)
+
+    def settings(self, settings: ControllerSettings) -> None:
+        """Record that these settings are staged before the next tick."""
+        self._write({'settings': attrs.asdict(settings)})
+
+    def reset(self) -> None:
+        """Record that a reset is asked for before the next tick."""
+        self._write({'reset': True})
+
+    def tick(
+        self,
+        controller: Controller,
+        measurement: float,
+        dt: float,
+        elapsed: float,
+        reference: Sequence[float] | None,
+        applied: float,
+    ) -> None:
+        """Record one tick that was just done."""
+        self._write(
+            {
+                'y': measurement,
+                'dt': dt,
+                'elapsed': elapsed,
+                'r': reference,
+                'applied': applied,
+                'enabled': controller.enabled,
+                'u': controller.command,
+                'status': int(controller.status),
+            }
+        )
+
+    def flush(self) -> None:
+        """Hand what was written to the operating system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _write(self, record: dict[str, Any]) -> None:
+        self._file.write(json.dumps(record) + '\n')
+
+
+def replay(path: Path) -> Iterator[tuple[float, float]]:
+    """Run the law over a trace again; yield the recorded and the replayed command of each tick."""
+    controller: Controller | None = None
+    with path.open(encoding='utf-8') as file:
+        for line in file:
+            record = json.loads(line)
+            if 'settings' in record:
+                settings = ControllerSettings(**record['settings'])
+                if controller is None:
+                    controller = Controller(settings)
+                else:
+                    controller.retune(settings)
+                continue
+            if controller is None:
+                raise ValueError(f'{path}: a trace begins with settings')
+            if 'reset' in record:
+                controller.reset()
+                continue
+            controller.enabled = record['enabled']
+            controller.tick(
+                record['y'],
+                record['dt'],
+                elapsed=record['elapsed'],
+                reference=record['r'],
+                applied=record['applied'],
+            )
+            yield record['u'], controller.command
