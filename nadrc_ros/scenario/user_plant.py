@@ -52,7 +52,7 @@ def load_plant(
 
     """
     file = os.path.abspath(path)
-    with blame(file):
+    with blame(file, always=True):
         cls = _choose(_plant_classes(_execute(file)), class_name, file)
         return check_plant(_construct(cls, values or {}))
 
@@ -70,25 +70,28 @@ def plant_class(name: str, class_name: str = '') -> type[Any]:
     if not name.endswith('.py'):
         return plant_type(name)
     file = os.path.abspath(name)
-    with blame(file):
+    with blame(file, always=True):
         return _choose(_plant_classes(_execute(file)), class_name, file)
 
 
 @contextmanager
-def blame(file: str) -> Iterator[None]:
+def blame(file: str, *, always: bool = False) -> Iterator[None]:
     """
     Turn an exception that came out of the code in ``file`` into a :class:`ScenarioError`.
 
-    Other exceptions pass, and so do those that explain themselves.
+    Others pass, unless ``always``, and so do those that explain themselves.
     """
     try:
         yield
     except (Exception, SystemExit) as error:
         cause = error.__cause__ if isinstance(error, SettingError) else error
-        line = None if cause is None else _line_in(file, cause)
-        if cause is None or line is None or isinstance(cause, ScenarioError):
+        if cause is None or isinstance(cause, ScenarioError):
             raise
-        raise ScenarioError(f'{file}, line {line}: {_one_line(cause)}') from None
+        line = _line_in(file, cause)
+        if line is None and not always:
+            raise
+        where = file if line is None else f'{file}, line {line}'
+        raise ScenarioError(f'{where}: {_one_line(cause)}') from None
 
 
 def _execute(file: str) -> ModuleType:
@@ -167,7 +170,7 @@ def _is_plain(value: object) -> bool:
 def _line_in(file: str, error: BaseException) -> int | None:
     """Return the line of ``file`` that ``error`` came from, None if it came from elsewhere."""
     if isinstance(error, SyntaxError) and error.filename == file:
-        return error.lineno or 1
+        return error.lineno
     frames = traceback.extract_tb(error.__traceback__)
     return next((f.lineno for f in reversed(frames) if f.filename == file), None)
 
