@@ -1,0 +1,204 @@
+"""`nadrc demo`: a scenario as real processes on the ROS graph."""
+
+# ruff: noqa: UP045
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.nodes.live import Run
+    from nadrc_ros.scenario import Scenario
+
+
+def demo(
+    file: Annotated[
+        str, typer.Argument(help='Scenario file, or the name of a shipped one.')
+    ] = 'demo',
+    duration: Annotated[
+        Optional[float], typer.Option(help='Length of the run in seconds.')
+    ] = None,
+    rate: Annotated[Optional[float], typer.Option(help='Control periods per second.')] = None,
+    noise_variance: Annotated[
+        Optional[float], typer.Option(help='Variance of the noise, 0 for none.')
+    ] = None,
+    lockstep: Annotated[
+        bool, typer.Option(help='One step per sample: the bits of the offline simulation.')
+    ] = False,
+    keep_open: Annotated[
+        bool, typer.Option(help='Leave the nodes running at the end, until Ctrl-C.')
+    ] = False,
+    out: Annotated[Path, typer.Option(help='Folder for table, picture and runs.')] = Path(
+        'out/demo'
+    ),
+) -> None:
+    """
+    Run a scenario live on ROS 2, every node its own process.
+
+    Each controller has a plant, a reference and a recorder of its own, in a namespace named
+    after it.
+
+    Example: nadrc demo --duration 5, or nadrc demo paper --lockstep.
+    """
+    with reporting(file):
+        from nadrc_ros.scenario import find_scenario, load
+
+        path = find_scenario(file)
+        whole = load(path)
+    with reporting():
+        try:
+            from nadrc_ros.nodes.graph import private_domain
+            from nadrc_ros.nodes.live import GraphError
+        except ImportError as error:
+            complain(f'ROS 2 is not here ({error}): source it, or use `make demo`')
+            raise typer.Exit(USER_ERROR) from None
+        scenario = whole.changed(duration=duration, rate=rate, noise_variance=noise_variance)
+        domain = private_domain()
+        typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
+        out.mkdir(parents=True, exist_ok=True)
+        try:
+            if lockstep:
+                runs = _in_lockstep(scenario, out)
+            else:
+                runs = _in_real_time(scenario, out, keep_open)
+        except GraphError as error:
+            complain(str(error))
+            raise typer.Exit(USER_ERROR) from None
+        _print_table(path.stem, scenario, runs)
+        _write_picture(out / 'demo.png', path.stem, scenario, runs)
+        _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
+        typer.echo(f'picture {out / "demo.png"}, figures {out / "summary.json"}')
+        if lockstep:
+            _compare(scenario, runs)
+
+
+def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str, Run]':
+    from nadrc_ros.nodes.live import run_realtime
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console()
+    wait: Optional[Callable[[], None]] = None
+    if keep_open:
+
+        def wait() -> None:
+            import time
+
+            console.print('the nodes go on until Ctrl-C')
+            try:
+                while True:
+                    time.sleep(0.2)
+            except KeyboardInterrupt:
+                console.print('stopping')
+
+    columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, TextColumn('{task.fields[itae]}'), console=console) as bar:
+        task = bar.add_task('starting the nodes', total=scenario.duration, itae='')
+
+        def progress(now: float, itae: dict[str, float]) -> None:
+            shown = '  '.join(f'{name} {value:.3f}' for name, value in sorted(itae.items()))
+            bar.update(
+                task, completed=now, description='running', itae=f'ITAE {shown}' if shown else ''
+            )
+
+        runs = run_realtime(scenario, out, progress, None if wait is None else wait)
+        bar.update(task, completed=scenario.duration, description='done')
+    return runs
+
+
+def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':
+    from nadrc_ros.nodes.live import run_lockstep
+
+    for retune in scenario.retunes:
+        complain(f'lockstep: the retune at {retune.time:g} s is left out')
+    return run_lockstep(scenario, out, lambda name: typer.echo(f'{name}: running in lockstep ...'))
+
+
+def _figures(run: 'Run') -> dict[str, Any]:
+    """Return the figures of one run, None where lockstep has none."""
+    metrics, counted = run.summary['metrics'], run.diagnostics
+    return {
+        'itae': metrics['itae'],
+        'isu': metrics['isu'],
+        'peak_error': metrics['peak_error'],
+        'total_variation': metrics['total_variation'],
+        'periods': int(counted.get('periods', run.summary['rows'])),
+        'missed_periods': int(counted.get('missed_periods', 0)),
+        'latency_median_ms': counted.get('latency_median_ms'),
+        'latency_p99_ms': counted.get('latency_p99_ms'),
+        'samples_lost': run.summary['samples_lost'],
+    }
+
+
+ROWS = {
+    'itae': 'ITAE',
+    'isu': 'ISU',
+    'peak_error': 'peak |e| after 2 s',
+    'total_variation': 'total variation of u',
+    'periods': 'periods',
+    'missed_periods': 'missed periods',
+    'latency_median_ms': 'measurement to command, median [ms]',
+    'latency_p99_ms': 'measurement to command, 99 % [ms]',
+    'samples_lost': 'samples lost by the recorder',
+}
+
+
+def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    from nadrc_ros.report.caption import title_of
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title_of(name, scenario), title_justify='left', box=None, pad_edge=False)
+    table.add_column('')
+    for run in runs:
+        table.add_column(run, justify='right')
+    figures = {run: _figures(result) for run, result in runs.items()}
+    for key, label in ROWS.items():
+        values = [figures[run][key] for run in runs]
+        table.add_row(label, *('-' if v is None else f'{v:.4g}' for v in values))
+    Console().print(table)
+
+
+def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    from nadrc_ros.cli.writing import write_whole
+    from nadrc_ros.report.caption import marks_of, title_of
+    from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.report.trace import Trace
+
+    names = ('time', 'reference', 'output', 'command', 'disturbance_estimate', 'total_disturbance')
+    traces = {
+        run: Trace(**{column: result.samples[column] for column in names})
+        for run, result in runs.items()
+    }
+    write_whole(path, render(draw(traces, title_of(name, scenario), marks_of(scenario)), 'png'))
+
+
+def _write_summary(
+    path: Path, name: str, lockstep: bool, scenario: 'Scenario', runs: 'dict[str, Run]'
+) -> None:
+    from nadrc_ros.recording import write_json
+
+    write_json(
+        path,
+        {
+            'scenario': name,
+            'pacing': 'lockstep' if lockstep else 'realtime',
+            'rate': scenario.rate,
+            'duration': scenario.duration,
+            'runs': {run: _figures(result) for run, result in runs.items()},
+        },
+    )
+
+
+def _compare(scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    """Say whether the graph gave the bits of the offline simulation."""
+    import attrs
+
+    offline = attrs.evolve(scenario, retunes=())
+    for name, run in runs.items():
+        same = list(offline.run(name).command) == run.samples['command']
+        typer.echo(f'{name}: {"the same bits as" if same else "NOT THE BITS of"} the simulation')
+        if not same:
+            raise typer.Exit(USER_ERROR)

@@ -1,0 +1,201 @@
+"""The nodes of a scenario as processes: their parameters, who reads what, start and stop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.fields import Declared
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.recorder import DEFAULT_INPUTS, ESTIMATES
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.scenario.coefficients import plant_fields
+from nadrc_ros.simulation.experiment import KNOWN_DERIVATIVES
+from nadrc_ros.simulation.signals import signal_fields
+import yaml
+
+NODES = ('plant', 'reference', 'recorder', 'controller')
+STOP_TIME = 3.0
+Parameters = dict[str, Any]
+
+
+def node_parameters(
+    scenario: Scenario, name: str, directory: Path, lockstep: bool
+) -> dict[str, Parameters]:
+    """Return the parameters of each node of the loop of controller ``name``."""
+    settings = scenario.controllers[name]
+    pacing: Parameters = {'rate': scenario.rate}
+    if lockstep:
+        readers = expected_readers(settings, lockstep)
+        pacing |= {'pacing': 'lockstep', 'steps': scenario.experiment().steps}
+    else:
+        readers = {}
+    plant: Parameters = {
+        'plant': scenario.plant.file or scenario.plant.name,
+        'plant_class': scenario.plant.class_name,
+        'initial_state': list(scenario.initial_state),
+        'safe_command': settings.safe_command,
+        'disturbance': scenario.disturbance.name,
+        'noise_variance': scenario.noise.variance,
+        'noise_sample_time': scenario.noise.sample_time,
+        'seed': scenario.noise.seed,
+    }
+    plant |= _typed(plant_fields(plant['plant'], plant['plant_class']), scenario.plant.values)
+    plant |= {f'disturbance_{key}': value for key, value in scenario.disturbance.values.items()}
+    controller = {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in attrs.asdict(settings).items()
+    }
+    nodes: dict[str, Parameters] = {
+        'plant': plant,
+        'reference': {
+            'signal': scenario.reference.name,
+            **_typed(signal_fields(), scenario.reference.values),
+        },
+        'controller': {**controller, 'enabled_at_start': lockstep},
+        'recorder': {
+            'inputs': ' '.join(recorded(settings)),
+            'directory': str(directory),
+            'duration': 0.0 if lockstep else scenario.duration,
+            'error': scenario.error,
+            'command_min': settings.command_min,
+            'command_max': settings.command_max,
+        },
+    }
+    for node, parameters in nodes.items():
+        own = {topic: names for topic, (writer, names) in readers.items() if writer == node}
+        expected = '; '.join(f'{topic}: {" ".join(names)}' for topic, names in own.items())
+        parameters |= pacing | {'readers': expected}
+    return nodes
+
+
+def recorded(settings: ControllerSettings) -> list[str]:
+    """Return the signals worth recording for these settings."""
+    signals = [name for name in DEFAULT_INPUTS if not name.startswith('level_')]
+    return signals + [f'level_{k + 1}' for k in range(make_design(settings).levels)]
+
+
+def expected_readers(
+    settings: ControllerSettings, lockstep: bool
+) -> dict[str, tuple[str, list[str]]]:
+    """Return for each topic of a loop its writer and the nodes that read it."""
+    derivatives = min(settings.plant_order, KNOWN_DERIVATIVES)
+    if settings.reference_derivatives != 'topics':
+        derivatives = 0
+    paced = 'measurement' if lockstep else 'command'
+    topics = {
+        'reference': ('reference', ['controller', 'recorder']),
+        'measurement': ('plant', ['controller', 'recorder']),
+        'command': ('controller', ['plant', 'recorder']),
+        'plant/output': ('plant', ['recorder']),
+        'plant/total_disturbance': ('plant', ['recorder']),
+    }
+    topics[paced][1].append('reference')
+    for topic in ('reference/rate', 'reference/acceleration')[:derivatives]:
+        topics[topic] = ('reference', ['controller'])
+    for topic in ESTIMATES.values():
+        topics[f'controller/{topic}'] = ('controller', ['recorder'])
+    for k in range(make_design(settings).levels):
+        topics[f'controller/level_{k + 1}/disturbance'] = ('controller', ['recorder'])
+    return topics
+
+
+def _typed(fields: Mapping[str, Declared], values: Mapping[str, Any]) -> Parameters:
+    """Give each value the type that its parameter has."""
+    return {
+        key: float(value) if fields[key].kind == 'number' else value
+        for key, value in values.items()
+    }
+
+
+class Loop:
+    """
+    The four node processes of one controller, in a namespace of its name.
+
+    Parameters
+    ----------
+    scenario, name, lockstep
+        What runs.
+    directory
+        Where the run, the parameter file and the logs of the nodes go.
+
+    """
+
+    def __init__(self, scenario: Scenario, name: str, directory: Path, lockstep: bool) -> None:
+        self.name = name
+        self.settings = scenario.controllers[name]
+        self.directory = directory
+        directory.mkdir(parents=True, exist_ok=True)
+        self.parameter_file = directory / 'parameters.yaml'
+        parameters = node_parameters(scenario, name, directory / 'runs', lockstep)
+        self.parameter_file.write_text(
+            yaml.safe_dump(
+                {f'/{name}/{node}': {'ros__parameters': p} for node, p in parameters.items()},
+                sort_keys=False,
+            ),
+            encoding='utf-8',
+        )
+        self.processes = {node: self._start(node) for node in NODES}
+
+    def _start(self, node: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, '-m', f'nadrc_ros.nodes.{node}', '--ros-args']
+        command += ['-r', f'__ns:=/{self.name}', '--params-file', str(self.parameter_file)]
+        with self.log(node).open('wb') as log:
+            return subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def log(self, node: str) -> Path:
+        """Return the file that holds what a node printed."""
+        return self.directory / f'{node}.log'
+
+    def failure(self) -> str:
+        """Return which node ended in failure and what it said last, empty if none did."""
+        for node, process in self.processes.items():
+            if process.poll() not in (None, 0):
+                lines = self.log(node).read_text(encoding='utf-8', errors='replace').splitlines()
+                said = lines[-1] if lines else 'it printed nothing'
+                return f'/{self.name}/{node} ended with exit code {process.returncode}: {said}'
+        return ''
+
+    @property
+    def running(self) -> bool:
+        """Tell whether any node still runs."""
+        return any(process.poll() is None for process in self.processes.values())
+
+    def run_folder(self) -> Path:
+        """Return the folder that the recorder made."""
+        return max((self.directory / 'runs').iterdir(), key=lambda path: path.stat().st_mtime)
+
+    def stop(self) -> None:
+        """Interrupt the controller, then the others; kill what does not end."""
+        for nodes in (['controller'], ['plant', 'reference'], ['recorder']):
+            for node in nodes:
+                if self.processes[node].poll() is None:
+                    self.processes[node].send_signal(signal.SIGINT)
+            end = time.monotonic() + STOP_TIME
+            for node in nodes:
+                try:
+                    self.processes[node].wait(max(0.0, end - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    self.processes[node].kill()
+                    self.processes[node].wait()
+
+
+def private_domain() -> int:
+    """Keep all traffic on this machine, in a domain of its own unless one is chosen; return it."""
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    chosen = os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    return int(chosen)
