@@ -1,0 +1,142 @@
+"""What the tests of the law share: designs over every structure, exact chains, two-buffer runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import factorial
+import random
+from typing import Any
+
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.law import blank_state, init, State, step
+from nadrc_ros.adrc.observer import update
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.structures import STRUCTURES
+
+NAN = float('nan')
+INF = float('inf')
+ORDERS = (1, 2, 3, 4, 5)
+NAMES = tuple(STRUCTURES)
+
+
+def design_of(**values: Any) -> Design:
+    return make_design(ControllerSettings(**values))
+
+
+def bits(values: Sequence[float]) -> list[str]:
+    return [float(value).hex() for value in values]
+
+
+def state_bits(state: State) -> list[list[str]]:
+    return [bits(row) for row in (*state.levels, state.profile)]
+
+
+def copy_of(state: State) -> State:
+    copy: list[Any] = [
+        [list(level) for level in state.levels],
+        list(state.profile),
+        [list(row) for row in state.scratch],
+    ]
+    return State(*copy)
+
+
+class Law:
+    """`step` over its two buffers."""
+
+    def __init__(
+        self, design: Design, y: float = 0.0, u: float = 0.0, r: float | None = None
+    ) -> None:
+        self.design = design
+        self.state = init(design, y, u, r)
+        self.next = blank_state(design)
+        self.u = u
+        self.status = 0
+
+    def step(self, reference: Sequence[float], y: float, h: float) -> float:
+        r = [*reference, *[0.0] * (self.design.order + 1 - len(reference))]
+        self.u, self.status = step(self.design, self.state, r, y, self.u, h, self.next)
+        self.state, self.next = self.next, self.state
+        return self.u
+
+
+class Observer:
+    """`update` over its two buffers, from zero."""
+
+    def __init__(self, design: Design) -> None:
+        self.design = design
+        state, self._out = blank_state(design), blank_state(design)
+        self.levels, self._scratch = state.levels, state.scratch
+        self._spare = self._out.levels
+
+    def update(self, y: float, u: float, h: float) -> None:
+        update(self.design, self.levels, y, u, h, self._spare, self._scratch)
+        self.levels, self._spare = self._spare, self.levels
+
+    def disturbance(self) -> float:
+        return sum(level[self.design.order] for level in self.levels)
+
+
+class Chain:
+    """y^(n) = push, held over each period: the exact solution."""
+
+    def __init__(self, order: int) -> None:
+        self.x = [0.0] * order
+
+    @property
+    def y(self) -> float:
+        return self.x[0]
+
+    def advance(self, push: float, h: float) -> None:
+        z = [*self.x, push]
+        self.x = [
+            sum(z[j] * h ** (j - i) / factorial(j - i) for j in range(i, len(z)))
+            for i in range(len(self.x))
+        ]
+
+
+def run_chain(
+    controller: Controller,
+    ticks: int,
+    h: float = 0.01,
+    r: float | None = 1.0,
+    disturbance: float = 0.0,
+    chain: Chain | None = None,
+) -> Iterator[tuple[float, float]]:
+    """Yield (y, u) of each tick of the loop around an integrator chain with the right b0."""
+    chain = chain or Chain(controller.design.order)
+    for _ in range(ticks):
+        y = chain.y
+        u = controller.tick(y, h, reference=None if r is None else [r])
+        yield y, u
+        chain.advance(controller.design.b0 * u + disturbance, h)
+
+
+def varied_settings() -> dict[str, dict[str, Any]]:
+    """Settings that between them reach every structure and every branch of the law."""
+    common: dict[str, Any] = {'command_min': -20.0, 'command_max': 30.0, 'safe_command': 1.0}
+    cases: dict[str, dict[str, Any]] = {
+        f'{name}-{n}': {'structure': name, 'plant_order': n} for name in NAMES for n in (1, 2)
+    }
+    cases |= {
+        'one level': {'levels': 1},
+        'four levels': {'levels': 4, 'feedback_level': '3', 'b0': -2.0},
+        'outer': {'feedback_level': 'outer', 'b0': 0.3},
+        'generalized-3': {'structure': 'generalized', 'extended_states': 3, 'plant_order': 3},
+        'cascade-fal': {'structure': 'cascade', 'levels': 3, 'feedback': 'fal'},
+        'printed-td': {'structure': 'printed', 'tracking_acceleration': 5.0},
+        'td-3': {'plant_order': 3, 'tracking_acceleration': 5.0, 'error_based': True},
+        'error': {'error_based': True},
+        'error-td-fal': {'error_based': True, 'tracking_acceleration': 2.0, 'feedback': 'fal'},
+        'ratios': {'pole_ratios': (1.0, 1.3, 0.7)},
+        'cascade-ratios': {'structure': 'cascade', 'pole_ratios': (0.5, 2.0, 1.0)},
+        'rate limit': {'command_rate_limit': 40.0},
+        'slow': {'command_rate_limit': 2.0, 'structure': 'printed', 'feedback': 'fal'},
+        'narrow': {'command_min': -1.5, 'command_max': 1.5, 'error_based': True},
+    }
+    return {name: common | case for name, case in cases.items()}
+
+
+def noise(seed: int, count: int, deviation: float = 1.0) -> list[float]:
+    rng = random.Random(seed)
+    return [rng.gauss(0.0, deviation) for _ in range(count)]
