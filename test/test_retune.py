@@ -1,0 +1,243 @@
+"""A live change of any setting is bumpless, atomic and leaves the loop well."""
+
+from __future__ import annotations
+
+from math import isfinite
+import random
+from typing import Any
+
+import attrs
+from law_helpers import Chain, NAMES, noise, varied_settings
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.law import limit, raw_command
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.status import Status
+import pytest
+
+H = 0.01
+CASES = varied_settings()
+FIELDS = {name: f for name, f in declared(ControllerSettings).items() if f.live}
+# Changes that let the command stay where it is: limits only become wider.
+VALUES: dict[str, tuple[Any, ...]] = {
+    'b0': (0.5, 2.0, -1.0, 40.0),
+    'structure': NAMES,
+    'inner_bandwidth': (5.0, 39.0, 200.0),
+    'outer_bandwidth': (5.0, 31.0, 200.0),
+    'levels': (1, 2, 3, 6),
+    'bandwidth_ratio': (0.1, 2.0),
+    'extended_states': (1, 2, 3),
+    'pole_ratios': ((0.5,), (2.0,)),
+    'controller_bandwidth': (1.0, 3.9, 20.0),
+    'feedback': ('linear', 'fal'),
+    'fal_gains': ((3.0,), (50.0,)),
+    'fal_exponents': ((0.2,), (1.0,)),
+    'fal_delta': (1e-4, 1.0),
+    'feedback_level': ('inner', 'outer', '2', '6'),
+    'tracking_acceleration': (0.0, 1.0, 100.0),
+    'error_based': (False, True),
+    'command_min': (-21.0, -1e9),
+    'command_max': (31.0, 1e9),
+    'command_rate_limit': (0.0, 1e3, 1e12),
+    'safe_command': (0.0, -1.0),
+    'measurement_timeout': (0.0, 1.0),
+    'reference_timeout': (0.0, 1.0),
+    'hold_time': (0.0, 1.0),
+    'max_dt': (0.02, 10.0),
+    'good_samples': (1, 10),
+}
+
+
+class Loop:
+    """Two controllers in the same loop around one chain, until one of them is changed."""
+
+    def __init__(self, settings: ControllerSettings, ticks: int, seed: int = 1) -> None:
+        self.noise = iter(noise(seed, 1000, 0.01))
+        self.chain = Chain(settings.plant_order)
+        self.controllers = [Controller(settings), Controller(settings)]
+        self.time = 0.0
+        for _ in range(ticks):
+            self.tick()
+
+    def tick(self) -> list[float]:
+        y = self.chain.y + next(self.noise)
+        self.time += H
+        r = [2.0 + 0.3 * self.time, 0.3]
+        commands = [c.tick(y, H, reference=r) for c in self.controllers]
+        self.chain.advance(commands[-1] * self.controllers[0].design.b0 + 0.7, H)
+        return commands
+
+
+def changes(case: str) -> list[tuple[str, ControllerSettings, ControllerSettings]]:
+    base = ControllerSettings(**CASES[case])
+    found = []
+    for name, values in VALUES.items():
+        for value in values:
+            try:
+                found.append((f'{name}={value}', base, attrs.evolve(base, **{name: value})))
+            except SettingError as error:
+                # With one ratio for each state, the number of states is fixed.
+                assert error.name == 'pole_ratios' and len(base.pole_ratios) > 1
+    return found
+
+
+def test_every_live_setting_is_changed_below() -> None:
+    assert set(VALUES) == set(FIELDS)
+
+
+@pytest.mark.parametrize('ticks', (1, 4, 40, 150))
+@pytest.mark.parametrize('case', CASES)
+def test_p12_a_change_of_any_live_setting_is_bumpless(case: str, ticks: int) -> None:
+    statuses = set()
+    for label, base, changed in changes(case):
+        loop = Loop(base, ticks)
+        kept, retuned = loop.controllers
+        applied = kept.command
+        retuned.retune(changed)
+        if changed.command_rate_limit and not base.command_rate_limit:
+            continue  # a narrowed limit: see below
+        old, new = loop.tick()
+        assert retuned.settings == changed, label
+        # The same command in the tick of the change, ...
+        assert new == pytest.approx(old, rel=1e-12, abs=1e-9), label
+        # ... and the new law, on the state handed over, asks for it as well.
+        asked = raw_command(retuned.design, retuned.state)
+        scale = 1e-15 * abs(asked * retuned.design.b0) / min(1.0, abs(retuned.design.b0))
+        now = limit(retuned.design, asked, applied, H)[0]
+        assert now == pytest.approx(old, abs=1e-9 + scale), label
+        statuses.add(kept.status)
+        for _ in range(30):
+            u = loop.tick()[1]
+            assert changed.command_min <= u <= changed.command_max, label
+            assert retuned.status < Status.NO_MEASUREMENT, label
+    assert statuses
+
+
+def test_p12_the_changes_above_meet_every_state_of_the_limiter() -> None:
+    seen = set()
+    for case in CASES:
+        loop = Loop(ControllerSettings(**CASES[case]), 1)
+        for _ in range(150):
+            loop.tick()
+            seen.add(loop.controllers[0].status)
+    assert seen == {Status.OK, Status.RATE_LIMITED, Status.SATURATED}
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_a_change_that_changes_nothing_changes_no_later_command(case: str) -> None:
+    loop = Loop(ControllerSettings(**CASES[case]), 40)
+    loop.controllers[1].retune(ControllerSettings(**CASES[case]))
+    for _ in range(200):
+        old, new = loop.tick()
+        assert new == pytest.approx(old, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_narrowed_limits_are_entered_at_once(case: str) -> None:
+    base = ControllerSettings(**CASES[case])
+    for low, high in ((-1.0, 1.0), (3.0, 4.0), (-9.0, -8.0)):
+        loop = Loop(base, 40)
+        narrow = attrs.evolve(base, command_min=low, command_max=high, safe_command=low)
+        loop.controllers[1].retune(narrow)
+        for _ in range(50):
+            assert low <= loop.tick()[1] <= high
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_p05_a_new_rate_limit_holds_from_the_next_tick(case: str) -> None:
+    loop = Loop(ControllerSettings(**CASES[case]), 40)
+    loop.controllers[1].retune(
+        attrs.evolve(loop.controllers[1].settings, command_rate_limit=3.0, structure='printed')
+        if len(CASES[case].get('pole_ratios', ())) < 2
+        else attrs.evolve(loop.controllers[1].settings, command_rate_limit=3.0)
+    )
+    before = loop.tick()[1]
+    for _ in range(100):
+        u = loop.tick()[1]
+        assert abs(u - before) <= 3.0 * H * (1 + 1e-9)
+        before = u
+
+
+@pytest.mark.parametrize('structure', NAMES)
+def test_p05_a_switch_of_structure_keeps_the_rate_limit(structure: str) -> None:
+    base = ControllerSettings(structure=structure, command_rate_limit=20.0)
+    loop = Loop(base, 20)
+    before = loop.controllers[1].command
+    for k in range(200):
+        if k % 7 == 0:
+            loop.controllers[1].retune(attrs.evolve(base, structure=NAMES[k // 7 % len(NAMES)]))
+        u = loop.tick()[1]
+        assert abs(u - before) <= 20.0 * H * (1 + 1e-9)
+        before = u
+
+
+def test_one_at_a_time_changes_never_leave_the_finite() -> None:
+    """A walk through the settings, extreme values too, each from wherever the last one led."""
+    extremes: dict[str, tuple[Any, ...]] = {
+        name: (f.low, f.high, f.default)
+        if f.kind in ('number', 'integer')
+        else ((f.low,), (f.high,), f.default)
+        if f.kind == 'numbers'
+        else f.choices or (True, False)
+        for name, f in FIELDS.items()
+    }
+    refused = 0
+    for seed in range(3):
+        loop = Loop(ControllerSettings(), 10, seed)
+        names = random.Random(seed).sample(sorted(FIELDS), len(FIELDS))
+        for turn in range(3):
+            for name in names:
+                options = extremes[name] if turn % 2 else VALUES[name]
+                controller = loop.controllers[1]
+                try:
+                    wanted = attrs.evolve(
+                        controller.settings, **{name: options[turn % len(options)]}
+                    )
+                except SettingError:
+                    refused += 1
+                    continue
+                controller.retune(wanted)
+                for _ in range(4):
+                    u = loop.tick()[1]
+                    assert isfinite(u)
+                    assert controller.design.command_min <= u <= controller.design.command_max
+                assert controller.settings == wanted
+                rows = [*controller.state.levels, controller.state.profile]
+                assert all(isfinite(x) for row in rows for x in row), name
+    assert refused < 20
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'), (('plant_order', 3), ('reference_derivatives', 'none'))
+)
+def test_p13_what_is_fixed_at_start_is_refused_by_name(name: str, value: Any) -> None:
+    controller = Controller(ControllerSettings())
+    with pytest.raises(SettingError) as refused:
+        controller.retune(ControllerSettings(**{name: value}))
+    assert refused.value.name == name
+    controller.tick(0.0, H)
+    assert controller.settings == ControllerSettings()
+
+
+def test_p12_the_last_change_before_a_tick_is_the_one_taken() -> None:
+    controller = Controller(ControllerSettings())
+    for _ in range(5):
+        controller.tick(0.1, H, reference=[1.0])
+    controller.retune(ControllerSettings(b0=5.0))
+    controller.retune(ControllerSettings(b0=7.0))
+    assert controller.settings.b0 == controller.design.b0 == 1.0
+    controller.tick(0.1, H)
+    assert controller.settings.b0 == controller.design.b0 == 7.0
+
+
+def test_p12_a_change_in_a_fault_waits_for_no_sample() -> None:
+    controller = Controller(ControllerSettings())
+    for _ in range(5):
+        controller.tick(0.1, H, reference=[1.0])
+    before = controller.command
+    controller.retune(ControllerSettings(structure='cascade', b0=3.0))
+    assert controller.tick(float('nan'), H) == before
+    assert controller.settings.structure == 'cascade'
+    controller.tick(0.1, H)
+    assert abs(controller.command - before) < 20.0
