@@ -1,0 +1,98 @@
+"""One source, two speeds: compiled by numba the law gives the same bits as in plain Python."""
+
+from __future__ import annotations
+
+from inspect import getmembers, isfunction
+import random
+from typing import Any
+
+from law_helpers import design_of, NAN, state_bits, varied_settings
+from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.law import blank_state, State
+from nadrc_ros.adrc.supervisor import Mode, Watch
+import numba
+from numba.extending import register_jitable
+import numpy as np
+import pytest
+
+CASES = varied_settings()
+TICKS = 5000
+
+
+@pytest.fixture(scope='module')
+def compiled() -> Any:
+    for module in (observer, feedback, differentiator, law, supervisor, controller):
+        for _, function in getmembers(module, isfunction):
+            if function.__module__ == module.__name__ and function is not controller.tick:
+                register_jitable(function)
+    return numba.njit(controller.tick)
+
+
+def arrays(design: Design) -> Design:
+    values: dict[str, Any] = {
+        name: np.array(value, dtype=np.int64 if name == 'reach' else np.float64)
+        if isinstance(value, list)
+        else value
+        for name, value in design._asdict().items()
+    }
+    return Design(**values)
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_p18_compiled_and_plain_give_the_same_bits(case: str, compiled: Any) -> None:
+    """Over jittered ticks with bad samples, lost references, gaps and an enable switch at work."""
+    design = design_of(**CASES[case], reference_timeout=0.05, max_dt=0.1)
+    both = (design, controller.tick), (arrays(design), compiled)
+    runs = [run(own, tick, own is design) for own, tick in both]
+    assert runs[0] == runs[1]
+    commands, modes, states = runs[0]
+    assert len(set(commands)) > 10 and len(set(states)) > TICKS / 20
+    assert set(modes) >= {Mode.OK, Mode.RAMPING, Mode.SAFE}
+
+
+def arrays_of(state: State) -> State:
+    parts: list[Any] = [np.array(part) for part in state]
+    return State(*parts)
+
+
+def run(design: Design, tick: Any, plain: bool) -> tuple[list[str], list[int], list[str]]:
+    n = design.order
+    state, out = blank_state(design), blank_state(design)
+    reference: Any = [0.0] * (n + 1)
+    if not plain:
+        state, out = arrays_of(state), arrays_of(out)
+        reference = np.zeros(n + 1)
+    watch, u, y, rng = Watch(), 0.0, 0.0, random.Random(1)
+    commands: list[str] = []
+    modes: list[int] = []
+    states: list[str] = []
+    for k in range(TICKS):
+        h = 0.005 * (1 + 0.3 * rng.uniform(-1, 1)) if rng.random() > 0.01 else 0.2
+        referenced = rng.random() > 0.2 and k % 500 > 50
+        if referenced:
+            for i in range(n + 1):
+                reference[i] = rng.gauss(0.0, 1.0) if i < 2 else 0.0
+        measured = rng.random() > 0.05 and k % 300 > 60
+        enabled = k % 700 > 100
+        y += 0.01 * rng.gauss(0.0, 1.0)
+        u, _, watch = tick(
+            design,
+            state,
+            watch,
+            enabled,
+            reference,
+            referenced,
+            y if measured else NAN,
+            u,
+            h,
+            h,
+            out,
+        )
+        watch = Watch(*watch)
+        state, out = out, state
+        commands.append(float(u).hex())
+        modes.append(watch.mode)
+        if k % 10 == 0:
+            states.append(str(state_bits(state)))
+    return commands, modes, states
