@@ -14,8 +14,8 @@ from nadrc_ros.adrc.law import (
     clamp,
     LARGEST,
     limit,
+    meet,
     raw_command,
-    resolve,
     retune,
     start,
     State,
@@ -83,7 +83,7 @@ def tick(
                 _hold(reference, measurement)
             if before.cause != REFERENCE_TIMEOUT:
                 approach(design, measurement, out)
-            resolve(design, out, applied)
+            meet(design, out, applied)
             command = clamp(design, applied)
     elif watch.mode != HOLDING:
         command = limit(design, design.safe_command, applied, elapsed)[0]

@@ -38,6 +38,7 @@ class Design(NamedTuple):
     no_reference: list[float]
     tracking_acceleration: float
     linear: bool
+    controller_bandwidth: float
     feedback_gains: list[float]
     exponents: list[float]
     delta: float
@@ -78,6 +79,7 @@ def make_design(settings: ControllerSettings) -> Design:
         no_reference=[0.0] * (order + 1),
         tracking_acceleration=settings.tracking_acceleration,
         linear=settings.feedback == 'linear',
+        controller_bandwidth=settings.controller_bandwidth,
         feedback_gains=feedback_gains(settings),
         exponents=_per_state(settings.fal_exponents, order),
         delta=settings.fal_delta,

@@ -8,7 +8,7 @@ bad input gives a :class:`Status`, and the next state equals the old one to the 
 
 from __future__ import annotations
 
-from math import isfinite
+from math import exp, isfinite
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design, Matrix, Vector
@@ -35,12 +35,14 @@ class State(NamedTuple):
     """
     State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
 
-    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``scratch`` (N,
-    N) holds intermediate gains and carries nothing from step to step.
+    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (1,)
+    is what a bumpless transfer added to the command; it decays with the controller bandwidth.
+    ``scratch`` (N, N) holds intermediate gains and carries nothing from step to step.
     """
 
     levels: Matrix
     profile: Vector
+    offset: Vector
     scratch: Matrix
 
 
@@ -49,6 +51,7 @@ def blank_state(design: Design) -> State:
     return State(
         [[0.0] * design.states for _ in range(design.levels)],
         [0.0] * (design.order + 1),
+        [0.0],
         [[0.0] * design.states for _ in range(design.states)],
     )
 
@@ -71,6 +74,7 @@ def start(
     for k in range(design.levels):
         out.levels[k][0] = measurement - out.profile[0] if design.error_based else measurement
     out.levels[0][design.order] = -design.b0 * applied
+    out.offset[0] = 0.0
 
 
 def init(
@@ -87,6 +91,7 @@ def copy_state(state: State, out: State) -> None:
     for k in range(len(state.levels)):
         out.levels[k][:] = state.levels[k]
     out.profile[:] = state.profile
+    out.offset[0] = state.offset[0]
 
 
 def step(
@@ -145,6 +150,8 @@ def step(
     if design.error_based:
         observed -= profile[0]
     update(design, state.levels, observed, applied, dt, out.levels, out.scratch)
+    offset = state.offset[0]
+    out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(design, state, reference, measurement, applied, out)
@@ -152,14 +159,14 @@ def step(
 
 
 def raw_command(design: Design, state: State) -> float:
-    """Return u = (v - sum_k d_k) / b0 of a state, before the limits."""
+    """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits."""
     reference = design.no_reference if design.error_based else state.profile
     v = feedback(design, state.levels[design.feedback_level], reference)
     k = 0
     while k < design.levels:
         v -= state.levels[k][design.order]
         k += 1
-    return v / design.b0
+    return v / design.b0 + state.offset[0]
 
 
 def clamp(design: Design, command: float) -> float:
@@ -191,9 +198,14 @@ def limit(design: Design, raw: float, applied: float, dt: float) -> tuple[float,
     return raw, status
 
 
-def resolve(design: Design, state: State, command: float) -> None:
-    """Shift d_1 so that the unlimited command of ``state`` becomes ``command``."""
-    state.levels[0][design.order] += design.b0 * (raw_command(design, state) - command)
+def meet(design: Design, state: State, command: float) -> None:
+    """
+    Set the offset so that the unlimited command of ``state`` becomes ``command``.
+
+    The estimates stay what they are. A disturbance estimate made to fit instead would be wrong by
+    as much, and its correction would drive the plant the wrong way first.
+    """
+    state.offset[0] += command - raw_command(design, state)
 
 
 def approach(design: Design, measurement: float, state: State) -> None:
@@ -220,10 +232,11 @@ def retune(
     """
     Return ``state``, reached with ``command`` under ``old``, as one of ``new`` that gives it too.
 
-    Output and derivative estimates are kept, b0, structure, levels and feedback may change: d_1 is
-    re-solved. While the old command was limited in a way the new limits would not be, the limited
-    one is matched. ``reference``, ``applied`` and ``dt`` are those of the step that led to
-    ``state``. Plant order is fixed.
+    Output and derivative estimates are kept. d_1 takes over what the levels that go away
+    estimated, and is re-solved for the new b0, for which L = y^(n) - b0 u is another one. What
+    is left of the difference becomes the offset. While the old command was limited in a way the
+    new limits would not be, the limited one is met. ``reference``, ``applied`` and ``dt`` are
+    those of the step that led to ``state``. Plant order is fixed.
     """
     n = new.order
     after = blank_state(new)
@@ -241,10 +254,18 @@ def retune(
         if k < old.levels:
             for i in range(n, min(old.states, new.states)):
                 after.levels[k][i] = source[i]
+    for k in range(new.levels, old.levels):
+        after.levels[0][n] += state.levels[k][n]
+    if old.error_based:
+        after.levels[0][n] += state.profile[n]
+    if new.error_based:
+        after.levels[0][n] -= after.profile[n]
+    after.levels[0][n] += (old.b0 - new.b0) * command
+    after.offset[0] = state.offset[0]
     target = raw_command(old, state)
     if limit(new, target, applied, dt)[0] != command:
         target = command
-    resolve(new, after, target)
+    meet(new, after, target)
     return after
 
 
@@ -261,7 +282,7 @@ def _restart(
     start(design, measurement, applied, reference[0], out)
     if design.tracking_acceleration <= 0.0:
         out.profile[:] = reference
-    resolve(design, out, applied)
+    meet(design, out, applied)
     return clamp(design, applied), RESTARTED
 
 
