@@ -29,13 +29,14 @@ def bits(values: Sequence[float]) -> list[str]:
 
 
 def state_bits(state: State) -> list[list[str]]:
-    return [bits(row) for row in (*state.levels, state.profile)]
+    return [bits(row) for row in (*state.levels, state.profile, state.offset)]
 
 
 def copy_of(state: State) -> State:
     copy: list[Any] = [
         [list(level) for level in state.levels],
         list(state.profile),
+        list(state.offset),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)

@@ -19,7 +19,7 @@ from law_helpers import (
     state_bits,
     varied_settings,
 )
-from nadrc_ros.adrc.law import blank_state, clamp, init, limit, raw_command, resolve, start, step
+from nadrc_ros.adrc.law import blank_state, clamp, init, limit, raw_command, meet, start, step
 from nadrc_ros.adrc.status import Status
 import pytest
 
@@ -215,11 +215,11 @@ def test_the_next_state_never_aliases_and_the_old_one_stays(case: str) -> None:
 
 
 @pytest.mark.parametrize('case', CASES)
-def test_resolve_makes_the_command(case: str) -> None:
+def test_meet_makes_the_command(case: str) -> None:
     law = Law(design_of(**CASES[case]))
     for y in noise(1, 30, 0.1):
         law.step([0.5, 0.1], y, H)
-    resolve(law.design, law.state, 0.123)
+    meet(law.design, law.state, 0.123)
     assert raw_command(law.design, law.state) == pytest.approx(0.123, abs=1e-9)
 
 
