@@ -196,6 +196,19 @@ def test_a_missing_key_is_named(key: str) -> None:
     assert f'the key {key} is missing' in refused('\n'.join(lines))
 
 
+def test_a_strange_key_does_not_break_the_line() -> None:
+    assert refused(SHORT + '"ra\\nte": 1').startswith("'ra\\nte' = 1: must be left out: a key is")
+    assert refused(SHORT + '1: 2').startswith('1 = 2: must be left out: a key is a word')
+    assert refused(SHORT + 'limits: {"a\\nb": 2}').startswith("limits.'a\\nb' = 2: must be")
+
+
+def test_a_launcher_finds_numbers_where_the_node_wants_numbers() -> None:
+    scenario = loads(replaced('a3: 0.3', 'a3: 0, a1: 1').replace('frequency: 0.5', 'frequency: 2'))
+    values = [*scenario.plant.values.values(), *scenario.reference.values.values()]
+    assert [type(value) for value in values] == [float] * 3
+    assert type(scenario.retunes[0].settings['b0']) is float
+
+
 def test_at_least_one_controller() -> None:
     assert 'at least one' in refused(SHORT.replace('{it: }', '{}'))
 

@@ -106,6 +106,18 @@ def test_the_file_is_sought_beside_the_scenario_and_kept_by_its_full_path(
     assert loads(dump(scenario), '/nowhere') == scenario
 
 
+@pytest.mark.parametrize(
+    'text',
+    ["'1e-4'", 'true', "'true'", '3', "'3'", '3.0', '[1, 2.5]', '[a, b]', "'a\\nb: c'"],
+)
+def test_coefficients_of_every_kind_survive_the_round_trip(plant_file: Path, text: str) -> None:
+    source = PLAIN.replace('a1, a2=0.1', 'a1, kind').replace('= a1, a2', '= a1, 0.1')
+    path = scenario_with(plant_file, source, **{'a1: 0.2': f'a1: 2, kind: {text}'})
+    scenario = load(path)
+    again = loads(dump(scenario))
+    assert repr(again.plant.values) == repr(scenario.plant.values)
+
+
 def test_order_states_and_b0_come_from_the_file(plant_file: Path) -> None:
     source = PLAIN.replace('b0 = 1.0', 'b0 = -3')
     scenario = load(scenario_with(plant_file, source))

@@ -48,7 +48,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         What is wrong, by its dotted path.
 
     """
-    _refuse_unknown(data, KEYS, '')
+    _refuse_unknown(_mapping(data, ''), KEYS, '')
     given = {key: value for key, value in data.items() if value is not None}
     for key, example in NEEDED.items():
         if key not in given:
@@ -188,21 +188,18 @@ def _mapping(data: Any, path: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise SettingError(path, data, 'a mapping of keys to values')
     for key, value in data.items():
-        if not isinstance(key, str):
-            raise SettingError(
-                f'{path}.{key}',
-                value,
-                'left out: a key is a word, in quotes if YAML reads it otherwise',
+        if not isinstance(key, str) or not key.isprintable():
+            error = SettingError(
+                repr(key), value, 'left out: a key is a word, in quotes if YAML reads it otherwise'
             )
+            raise error.inside(path)
     return dict(data)
 
 
 def _refuse_unknown(data: Mapping[Any, Any], allowed: tuple[str, ...], path: str) -> None:
     for key, value in data.items():
         if key not in allowed:
-            error = SettingError(
-                str(key), value, 'left out: allowed keys are ' + ', '.join(allowed)
-            )
+            error = SettingError(key, value, 'left out: allowed keys are ' + ', '.join(allowed))
             raise error.inside(path)
 
 
