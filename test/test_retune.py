@@ -231,6 +231,35 @@ def test_p12_the_last_change_before_a_tick_is_the_one_taken() -> None:
     assert controller.settings.b0 == controller.design.b0 == 7.0
 
 
+@pytest.mark.parametrize('structure', NAMES)
+def test_a_new_b0_asks_the_estimate_of_what_the_command_did(structure: str) -> None:
+    """L = y'' - b0 u, with the u that acted; disabled, that is not the one the law would send."""
+    settings = ControllerSettings(structure=structure, safe_command=-2.0)
+    controller, chain = Controller(settings, enabled=False), Chain(2)
+    for _ in range(300):
+        chain.advance(controller.tick(chain.y, H, reference=[5.0]) + 2.5, H)
+    assert controller.total_disturbance == pytest.approx(2.5, abs=1e-4)
+    controller.retune(attrs.evolve(settings, b0=3.0))
+    for _ in range(20):
+        chain.advance(controller.tick(chain.y, H, reference=[5.0]) + 2.5, H)
+        assert controller.total_disturbance == pytest.approx(2.5 - 2.0 * -2.0, abs=1e-3)
+
+
+@pytest.mark.parametrize('structure', NAMES)
+@pytest.mark.parametrize('change', (None, {'b0': 3.0}, {'levels': 1}, {'structure': 'printed'}))
+def test_a_transfer_leaves_no_trace(structure: str, change: dict[str, Any] | None) -> None:
+    """At rest the loop stays at rest through it; None is disabling and enabling again."""
+    settings = ControllerSettings(structure=structure, safe_command=-2.0)
+    controller, chain = Controller(settings), Chain(2)
+    for k in range(1200):
+        if k == 1000 and change is not None:
+            controller.retune(attrs.evolve(settings, **change))
+        controller.enabled = change is not None or k != 1000
+        chain.advance(controller.tick(chain.y, H, reference=[1.0]) + 2.0, H)
+        assert k < 1000 or chain.y == pytest.approx(1.0, abs=1e-6)
+    assert controller.command == pytest.approx(-2.0, abs=1e-6)
+
+
 def test_p12_a_change_in_a_fault_waits_for_no_sample() -> None:
     controller = Controller(ControllerSettings())
     for _ in range(5):

@@ -260,7 +260,7 @@ def retune(
         after.levels[0][n] += state.profile[n]
     if new.error_based:
         after.levels[0][n] -= after.profile[n]
-    after.levels[0][n] += (old.b0 - new.b0) * command
+    after.levels[0][n] += (old.b0 - new.b0) * applied
     after.offset[0] = state.offset[0]
     target = raw_command(old, state)
     if limit(new, target, applied, dt)[0] != command:
