@@ -43,6 +43,7 @@ def test_fal_values() -> None:
     assert fal(4.0, 0.5, 0.1) == 2.0
     assert fal(-4.0, 0.5, 4.0) == -2.0
     assert fal(0.01, 0.5, 0.25) == 0.02
+    assert fal(0.36, 0.5, 0.25) == 0.6
     assert fal(0.0, 0.25, 1e-9) == 0.0
 
 

@@ -19,7 +19,7 @@ from law_helpers import (
     state_bits,
     varied_settings,
 )
-from nadrc_ros.adrc.law import blank_state, clamp, init, limit, raw_command, meet, start, step
+from nadrc_ros.adrc.law import blank_state, clamp, init, limit, meet, raw_command, start, step
 from nadrc_ros.adrc.status import Status
 import pytest
 

@@ -282,3 +282,24 @@ def test_p05_a_gap_does_not_save_up_rate() -> None:
     bench.run(30, bad=NAN)
     bench.run(100, r=30.0)
     assert bench.largest_change() <= 0.4 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize('elapsed', (NAN, -1.0, 0.0))
+def test_p05_no_time_no_change(elapsed: float) -> None:
+    """On the way to safe, a time that is not one moves the command nowhere."""
+    bench = Bench()
+    bench.run(300)
+    bench.controller.enabled = False
+    ramping = bench.run(2)[-1]
+    assert bench.controller.tick(bench.chain.y, H, elapsed=elapsed) == ramping
+    assert bench.mode() == Mode.RAMPING
+
+
+def test_p04_an_unknown_applied_command_is_the_last_one() -> None:
+    bench, other = Bench(), Bench()
+    for own, applied in ((bench, NAN), (other, None)):
+        own.run(100)
+        own.controller.reset()
+        own.controller.tick(own.chain.y, H, applied=applied)
+        own.run(50)
+    assert bench.commands == other.commands
