@@ -1,0 +1,9 @@
+"""The law: settings, observers, differentiator, feedback, fault policy, controller."""
+
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.status import Status
+from nadrc_ros.adrc.supervisor import Cause, Mode
+
+__all__ = ['Cause', 'Controller', 'ControllerSettings', 'Mode', 'SettingError', 'Status']

@@ -1,0 +1,53 @@
+"""The package as colcon and pip see it."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+import re
+from xml.etree import ElementTree
+
+import pytest
+from setuptools import find_packages
+
+ROOT = Path(__file__).resolve().parents[1]
+SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
+MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+def test_every_folder_of_modules_is_installed() -> None:
+    folders = {path.parent.relative_to(ROOT) for path in (ROOT / 'nadrc_ros').rglob('*.py')}
+    installed = find_packages(str(ROOT), include=['nadrc_ros', 'nadrc_ros.*'])
+    assert {'.'.join(folder.parts) for folder in folders} == set(installed)
+
+
+def test_there_is_one_version() -> None:
+    version = MANIFEST.findtext('version')
+    assert f"version='{version}'" in SETUP
+
+
+def test_the_manifest_is_an_ament_python_package() -> None:
+    assert MANIFEST.get('format') == '3'
+    assert MANIFEST.findtext('name') == 'nadrc_ros'
+    assert MANIFEST.findtext('license') == 'Apache-2.0'
+    assert MANIFEST.findtext('export/build_type') == 'ament_python'
+
+
+def test_every_import_of_ros_is_a_dependency() -> None:
+    depends = {element.text for element in MANIFEST if element.tag.endswith('depend')}
+    imported = {
+        name
+        for path in (ROOT / 'nadrc_ros').rglob('*.py')
+        for name in re.findall(
+            r'^\s*(?:from|import) (rclpy|\w+_msgs|\w+_srvs|rcl_interfaces|ament_index_python)\b',
+            path.read_text(encoding='utf-8'),
+            re.MULTILINE,
+        )
+    }
+    assert imported and imported <= depends
+
+
+@pytest.mark.parametrize('name', ['controller', 'plant', 'reference', 'recorder'])
+def test_every_executable_has_a_main(name: str) -> None:
+    assert callable(import_module(f'nadrc_ros.nodes.{name}').main)
+    assert (ROOT / 'resource' / 'nadrc_ros').exists()
