@@ -42,7 +42,7 @@ class Sender:
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile = SEND) -> None:
         self.publisher: Publisher = node.create_publisher(
-            Float64, topic, qos, qos_overriding_options=_overridable(qos)
+            Float64, topic, qos, qos_overriding_options=_overridable(topic, qos)
         )
         self.topic: str = self.publisher.topic_name
         self._message = Float64()
@@ -73,14 +73,14 @@ def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST)
         unpack(*(args if len(args) == 2 else args[0]))
 
     subscription = node.create_subscription(
-        Float64, topic, call, qos, qos_overriding_options=_overridable(qos)
+        Float64, topic, call, qos, qos_overriding_options=_overridable(topic, qos)
     )
     name: str = subscription.topic_name
     return name
 
 
-def _overridable(qos: QoSProfile) -> QoSOverridingOptions | None:
-    """Let YAML override the profile of real-time topics; lockstep depends on its own."""
-    if qos.history == HistoryPolicy.KEEP_ALL:
+def _overridable(topic: str, qos: QoSProfile) -> QoSOverridingOptions | None:
+    """Let YAML override the profile of the topics that join nodes; lockstep depends on its own."""
+    if qos.history == HistoryPolicy.KEEP_ALL or topic.startswith('~'):
         return None
     return QoSOverridingOptions.with_default_policies()
