@@ -231,6 +231,18 @@ def test_p12_the_last_change_before_a_tick_is_the_one_taken() -> None:
     assert controller.settings.b0 == controller.design.b0 == 7.0
 
 
+@pytest.mark.parametrize('case', CASES)
+def test_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
+    """What the levels that go away had estimated is not forgotten; with a new b0, L is another."""
+    for label, base, changed in changes(case):
+        if changed.b0 == base.b0 and 'td' not in case and 'tracking' not in label:
+            loop = Loop(base, 40)
+            kept, retuned = loop.controllers
+            retuned.retune(changed)
+            loop.tick()
+            assert retuned.total_disturbance == pytest.approx(kept.total_disturbance), label
+
+
 @pytest.mark.parametrize('structure', NAMES)
 def test_a_new_b0_asks_the_estimate_of_what_the_command_did(structure: str) -> None:
     """L = y'' - b0 u, with the u that acted; disabled, that is not the one the law would send."""
