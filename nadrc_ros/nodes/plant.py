@@ -80,11 +80,11 @@ class PlantNode(LiveNode):
         )
         plant = self._plants.value
         self._disturbances = ParameterGroup(
-            self, _disturbance_fields(), _make_disturbance, self._change
+            self, disturbance_fields(), _make_disturbance, self._change
         )
         noise = ParameterGroup(
             self,
-            {_noise_name(name): field for name, field in declared(Noise).items()},
+            noise_fields(),
             lambda values: build(
                 Noise, {name.removeprefix(NOISE): v for name, v in values.items()}
             ),
@@ -163,10 +163,8 @@ class PlantNode(LiveNode):
             self._send_sample()
 
     def _advance(self, command: float) -> None:
-        if self._diverged:
-            return
         self._send(self._truth, self.process.total_disturbance(command))
-        if not self.process.advance(command):
+        if not self.process.advance(command) and not self._diverged:
             self._diverged = True
             self.get_logger().error(
                 f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '
@@ -203,19 +201,24 @@ class PlantNode(LiveNode):
             self.lockstep.flush()
 
 
-def _noise_name(name: str) -> str:
-    return name if name == 'seed' else NOISE + name
+def noise_fields() -> dict[str, Declared]:
+    """Return the parameters of the noise: its fields with a prefix, but for the seed."""
+    return {
+        name if name == 'seed' else NOISE + name: field for name, field in declared(Noise).items()
+    }
 
 
-def _disturbance_fields() -> dict[str, Declared]:
-    fields = {'disturbance': _signal_field('none', 'disturbance w added to y^(n)')}
+def disturbance_fields() -> dict[str, Declared]:
+    """Return the parameters of the disturbance: its name, and the fields of all signals."""
+    fields = {
+        'disturbance': Declared(
+            kind='choice',
+            default='none',
+            choices=tuple(SIGNALS),
+            description='disturbance w added to y^(n)',
+        )
+    }
     return fields | {DISTURBANCE + name: field for name, field in signal_fields().items()}
-
-
-def _signal_field(default: str, description: str) -> Declared:
-    return Declared(
-        kind='choice', default=default, choices=tuple(SIGNALS), description=description
-    )
 
 
 def _make_disturbance(values: dict[str, Any]) -> Signal:

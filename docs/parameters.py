@@ -1,0 +1,67 @@
+"""Writes docs/parameters.md, the parameters of every node, from their declarations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from nadrc_ros.adrc import ControllerSettings
+from nadrc_ros.adrc.fields import Declared, declared
+from nadrc_ros.nodes.controller import LoopSettings
+from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.nodes.plant import disturbance_fields, noise_fields, PlantSettings
+from nadrc_ros.nodes.recorder import RecorderSettings
+from nadrc_ros.nodes.reference import ReferenceSettings
+from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.signals import signal_fields
+
+PAGE = Path(__file__).with_name('parameters.md')
+INTRODUCTION = """# Parameters
+
+Made from the declarations in the code by `python docs/parameters.py`. Those that are live can be
+changed while a node runs, the others are fixed at start. A value outside its range is refused with
+a reason.
+"""
+
+
+def page() -> str:
+    """Return the whole page."""
+    tables: dict[str, Mapping[str, Declared]] = {
+        'All nodes': declared(PacingSettings),
+        'controller': declared(LoopSettings) | declared(ControllerSettings),
+        'plant': declared(PlantSettings) | noise_fields() | disturbance_fields(),
+        **{f'plant, with `plant: {name}`': declared(cls) for name, cls in PLANTS.items()},
+        'reference': declared(ReferenceSettings) | signal_fields(),
+        'recorder': declared(RecorderSettings),
+    }
+    parts = [INTRODUCTION]
+    parts += [f'## {title}\n\n{table(fields)}' for title, fields in tables.items()]
+    return '\n'.join(parts)
+
+
+def table(fields: Mapping[str, Declared]) -> str:
+    """Return one table of parameters."""
+    rows = ['| name | default | unit | allowed | live | meaning |', '|---|---|---|---|---|---|']
+    for name, field in fields.items():
+        cells = (
+            f'`{name}`',
+            f'`{shown(field.default)}`',
+            field.unit,
+            field.allowed(),
+            'yes' if field.live else 'no',
+            field.description,
+        )
+        rows.append('| ' + ' | '.join(cells) + ' |')
+    return '\n'.join(rows) + '\n'
+
+
+def shown(value: Any) -> str:
+    """Return a default as a parameter file would have it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(list(value)) if isinstance(value, tuple) else repr(value)
+
+
+if __name__ == '__main__':
+    PAGE.write_text(page(), encoding='utf-8')

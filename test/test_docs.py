@@ -1,0 +1,93 @@
+"""The documents: what they show works, and what is generated is up to date."""
+
+from __future__ import annotations
+
+from importlib import import_module
+import os
+from pathlib import Path
+import re
+import shlex
+import subprocess
+import sys
+from typing import Any
+
+from nadrc_ros.adrc.fields import Declared, declared
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.plant import disturbance_fields, noise_fields
+from nadrc_ros.simulation.signals import signal_fields
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
+BLOCKS = re.findall(r'```(\w+)\n(.*?)```', README, re.DOTALL)
+BASH = [
+    line.split('  #')[0] for kind, text in BLOCKS if kind == 'bash' for line in text.splitlines()
+]
+NADRC = [line for line in BASH if line.startswith('nadrc ')]
+NODES = [line for line in BASH if line.startswith('ros2 run ')]
+PARAMETERS: dict[str, dict[str, Declared]] = {
+    'controller': declared(ControllerSettings),
+    'plant': disturbance_fields() | noise_fields(),
+    'reference': {
+        **declared(import_module('nadrc_ros.nodes.reference').ReferenceSettings),
+        **signal_fields(),
+    },
+    'recorder': {},
+}
+
+
+def test_the_python_example_does_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = (text for kind, text in BLOCKS if kind == 'python')
+    exec(example, {})
+    assert capsys.readouterr().out == 'y = 1.000, estimated load -3.000\n'
+
+
+@pytest.mark.parametrize('command', NADRC)
+def test_the_nadrc_commands_run(command: str, tmp_path: Path) -> None:
+    words = [sys.executable, '-m', 'nadrc_ros.cli', *shlex.split(command)[1:]]
+    done = subprocess.run(
+        words,
+        check=False,
+        cwd=tmp_path,
+        env={**os.environ, 'PYTHONPATH': f'{ROOT}:{os.environ.get("PYTHONPATH", "")}'},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert any(tmp_path.rglob('*.png')) and any(tmp_path.rglob('*.json'))
+
+
+@pytest.mark.parametrize('command', NODES)
+def test_the_nodes_and_parameters_that_are_started_exist(command: str) -> None:
+    node = shlex.split(command)[3]
+    assert callable(import_module(f'nadrc_ros.nodes.{node}').main)
+    for name, value in re.findall(r'-p (\w+):=(\S+)', command):
+        assert _accepts(PARAMETERS[node][name], value)
+
+
+def test_the_parameters_that_are_set_exist() -> None:
+    changes = [shlex.split(line)[3:] for line in BASH if line.startswith('ros2 param set')]
+    assert len(changes) >= 3
+    for node, name, value in changes:
+        assert _accepts(PARAMETERS[node.strip('/')][name], value)
+
+
+def test_the_parameter_page_is_up_to_date() -> None:
+    sys.path.insert(0, str(ROOT / 'docs'))
+    generator: Any = import_module('parameters')
+    assert generator.page() == generator.PAGE.read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md'])
+def test_links_lead_somewhere(page: str) -> None:
+    text = (ROOT / page).read_text(encoding='utf-8')
+    for target in re.findall(r'\]\((?!https?:)([^)#]+)', text):
+        assert (ROOT / target).exists(), target
+
+
+def _accepts(field: Declared, value: str) -> bool:
+    """Tell whether `ros2 param set` would take the value: a double needs its point."""
+    if field.kind == 'number':
+        return '.' in value and field.accepts(float(value))
+    return field.accepts(value)
