@@ -9,7 +9,6 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.status import Status
 from nadrc_ros.simulation.metrics import Metrics, MetricValues
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
@@ -128,7 +127,8 @@ def simulate(experiment: Experiment, settings: ControllerSettings) -> Result:
         y, measurement = process.output, process.measurement
         u = controller.tick(measurement, h, reference=r)
         followed = r[0] if experiment.error == 'reference' else controller.tracking
-        saturated = controller.status == Status.SATURATED
+        now = controller.settings
+        saturated = u <= now.command_min or u >= now.command_max
         metrics.add(t, h, followed - y, u, saturated)
         truth = process.total_disturbance(u) + (process.plant.b0 - controller.settings.b0) * u
         rows.append(

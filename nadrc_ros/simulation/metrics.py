@@ -61,7 +61,7 @@ class MetricValues:
     total_variation
         Sum of |u_k - u_{k-1}| [unit of u].
     saturated_fraction
-        Share of ``duration`` during which the command was limited.
+        Share of ``duration`` during which the command was at one of its limits.
     samples
         Number of samples used.
     skipped
@@ -111,7 +111,7 @@ def accumulate(
     error, command
         e at ``t``, and u over the period.
     saturated
-        Whether the command was limited.
+        Whether the command was at one of its limits.
     settle_time
         Time from which the error counts for the peak error [s].
 
