@@ -17,7 +17,7 @@ class SampleTimes:
     The source stamp is free of transport jitter and is used where plausible. Where it comes from
     the future, or jumps although the publication numbers go on, the receipts are used. A sample
     whose number does not go on is a duplicate or out of order: its span is not positive, and the
-    law refuses it.
+    law refuses it. After a backward step of simulated time the span of one sample is 0.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ class SampleTimes:
         self.clock_jumps = 0
         self._period = period
         self._stamped = stamped
-        self._last: tuple[int, int, int] | None = None
+        self._seen: int | None = None
+        self._last: tuple[int, int, int | None] | None = None
 
     def span(self, info: Info, now: int) -> float:
         """
@@ -43,19 +44,30 @@ class SampleTimes:
         """
         received = info['received_timestamp']
         stamp = info['source_timestamp']
-        number = info['publication_sequence_number'] or 0
+        number = info['publication_sequence_number']
         if stamp > received + FUTURE:
             self.from_future += 1
             stamp = received
+        seen, self._seen = self._seen, number
         if self._last is None:
             self._last = stamp, now, number
             return self._period
         source, receipt = stamp - self._last[0], now - self._last[1]
         if not self._stamped:
             source = receipt
-        elif number > self._last[2] and (source <= 0 or source > receipt + JUMP):
+        goes_on = _follows(number, seen, self._last[2], source < -JUMP)
+        backward = source <= 0 if self._stamped else source < 0
+        if goes_on and (backward or source > receipt + JUMP):
             self.clock_jumps += 1
-            source = receipt
-        if source > 0:
-            self._last = stamp, now, number
+            source = max(0, receipt)
+        elif source <= 0:
+            return float(source) * 1e-9
+        self._last = stamp, now, number
         return float(source) * 1e-9
+
+
+def _follows(number: int | None, seen: int | None, last: int | None, far_back: bool) -> bool:
+    """Tell whether a sample is newer than the last used one, whatever its stamp says."""
+    if number is None or last is None or seen is None:  # this middleware does not number
+        return far_back
+    return number > last or (far_back and number == seen + 1)  # or the publisher was restarted
