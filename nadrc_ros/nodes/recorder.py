@@ -114,7 +114,6 @@ class RecorderNode(LiveNode):
         refuse_unknown(self)
         topics = self.settings.topics()
         self._columns = ['time', *topics]
-        self.lost = dict.fromkeys(topics, 0)
         self._numbers: dict[str, int] = {}
         self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
         self._open_run()
@@ -136,14 +135,16 @@ class RecorderNode(LiveNode):
     # ---------------------------------------------------------------------------------
 
     def _open_run(self) -> None:
+        self.folder = RunFolder(Path(self.settings.directory).expanduser(), self._columns)
         self.metrics = Metrics()
         self.recording = True
+        self.lost = dict.fromkeys(self._columns[1:], 0)
         self._latest = dict.fromkeys(self._columns[1:], nan)
         self._started = False
         self._pending: tuple[int, float] | None = None
-        self._first = 0
+        self._first: int | None = None
+        self._index = -1
         self._rows = 0
-        self.folder = RunFolder(Path(self.settings.directory).expanduser(), self._columns)
         self.get_logger().info(f'recording to {self.folder.path}')
 
     def _end_run(self) -> None:
@@ -189,8 +190,6 @@ class RecorderNode(LiveNode):
             last = self._pending[0] if self._pending else 0
             self._complete_row()
             self._pending = (number if number is not None else last + 1), value
-            if not self._started:
-                self._first = self._pending[0]
         elif name == 'command':
             self._started = True
         self._latest[name] = value
@@ -200,10 +199,12 @@ class RecorderNode(LiveNode):
         if not self._started or self._pending is None:
             return
         (number, measurement), self._pending = self._pending, None
-        t = (number - self._first) / self.pacing.rate
-        if t < 0.0:  # the plant was restarted: its numbers began anew
-            self._first = number - self._rows
-            t = self._rows / self.pacing.rate
+        if self._first is None:
+            self._first = number
+        if number - self._first <= self._index:  # the plant was restarted: its numbers began anew
+            self._first = number - self._index - 1
+        self._index = number - self._first
+        t = self._index / self.pacing.rate
         if 0.0 < self.settings.duration <= t + 0.5 * self.pacing.period:
             self._end_run()
             self.get_logger().info(f'{self.settings.duration:g} s are recorded')
@@ -249,7 +250,11 @@ class RecorderNode(LiveNode):
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         self._end_run()
-        self._open_run()
+        try:
+            self._open_run()
+        except OSError as error:
+            response.success, response.message = False, f'cannot write: {error.strerror}'
+            return response
         response.success = True
         response.message = f'a new run is recorded to {self.folder.path}'
         return response
