@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 import json
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,12 @@ class TraceWriter:
     A record has the arguments of :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``r``, the
     ``applied`` command), ``enabled``, and what came out: ``u`` and ``status``. Numbers are written
     so that they read back to the bit; nan and infinities as JavaScript writes them.
+
+    When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
 
     def __init__(self, path: Path, settings: ControllerSettings) -> None:
+        self.failure = ''
         self._file = path.open('x', encoding='utf-8')
         self.settings(settings)
 
@@ -58,21 +62,37 @@ class TraceWriter:
 
     def flush(self) -> None:
         """Hand what was written to the operating system."""
-        self._file.flush()
+        self._do(self._file.flush)
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._do(self._file.close)
 
     def _write(self, record: dict[str, Any]) -> None:
-        self._file.write(json.dumps(record) + '\n')
+        self._do(lambda: self._file.write(json.dumps(record) + '\n'))
+
+    def _do(self, work: Callable[[], object]) -> None:
+        if self.failure:
+            return
+        try:
+            work()
+        except OSError as error:
+            self.failure = f'{self._file.name}: cannot write: {error.strerror}'
+            with suppress(OSError):
+                self._file.close()
 
 
 def replay(path: Path) -> Iterator[tuple[float, float]]:
-    """Run the law over a trace again; yield the recorded and the replayed command of each tick."""
+    """
+    Run the law over a trace again; yield the recorded and the replayed command of each tick.
+
+    A last line that was cut short, by a kill or a full disk, is left out.
+    """
     controller: Controller | None = None
     with path.open(encoding='utf-8') as file:
         for line in file:
+            if not line.endswith('\n'):
+                return
             record = json.loads(line)
             if 'settings' in record:
                 settings = ControllerSettings(**record['settings'])
