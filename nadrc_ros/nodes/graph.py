@@ -143,7 +143,12 @@ class Loop:
             ),
             encoding='utf-8',
         )
-        self.processes = {node: self._start(node) for node in NODES}
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self) -> None:
+        """Start the nodes; what was started when this is interrupted is there to be stopped."""
+        for node in NODES:
+            self.processes[node] = self._start(node)
 
     def _start(self, node: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, '-m', f'nadrc_ros.nodes.{node}', '--ros-args']
@@ -181,7 +186,8 @@ class Loop:
 
     def stop(self) -> None:
         """Interrupt the controller, then the others; kill what does not end."""
-        for nodes in (['controller'], ['plant', 'reference'], ['recorder']):
+        for group in (['controller'], ['plant', 'reference'], ['recorder']):
+            nodes = [node for node in group if node in self.processes]
             for node in nodes:
                 if self.processes[node].poll() is None:
                     self.processes[node].send_signal(signal.SIGINT)

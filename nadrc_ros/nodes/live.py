@@ -231,11 +231,17 @@ def _loops(
     loops: list[Loop] = []
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        loops += [Loop(scenario, name, directory / name, lockstep) for name in names]
+        for name in names:
+            loops.append(Loop(scenario, name, directory / name, lockstep))
+            loops[-1].start()
         yield loops
     finally:
+        # A second Ctrl-C must not leave nodes behind.
+        interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         for loop in loops:
             loop.stop()
+        signal.signal(signal.SIGINT, interrupt)
         signal.signal(signal.SIGTERM, before)
 
 
