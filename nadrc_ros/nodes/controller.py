@@ -84,6 +84,8 @@ class ControllerNode(LiveNode):
         self._overwritten = 0
         self._idle = 0
         self._shown = (self.controller.mode, self.controller.cause)
+        self._stopping = False
+        self._silent = False
         self.latencies = Latencies()
         self.lockstep: Lockstep | None = None
         self._senders: dict[str, Sender] = {}
@@ -102,7 +104,7 @@ class ControllerNode(LiveNode):
             self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
             stamped = not self.get_parameter('use_sim_time').value
             self._times = SampleTimes(self.pacing.period, stamped)
-            self._ticked = self.ticker.clock.now().nanoseconds
+            self._ticked = self._heard = self.ticker.clock.now().nanoseconds
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self._make_estimate_senders()
@@ -131,6 +133,9 @@ class ControllerNode(LiveNode):
             self.trace.settings(settings)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
+        if self._stopping:
+            response.success, response.message = False, 'the controller is being stopped'
+            return response
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
         if request.data == self.controller.enabled:
@@ -152,7 +157,8 @@ class ControllerNode(LiveNode):
     def _on_measurement(self, value: float, info: Info) -> None:
         if self._sample is not None:
             self._overwritten += 1
-        self._sample = value, info, self.ticker.clock.now().nanoseconds
+        self._heard = self.ticker.clock.now().nanoseconds
+        self._sample = value, info, self._heard
         if not self._by_timer:
             self._step()
 
@@ -164,8 +170,8 @@ class ControllerNode(LiveNode):
         return take
 
     def _on_timer(self, _: float) -> None:
-        silent = self.ticker.clock.now().nanoseconds - self._ticked > 1.5e9 * self.pacing.period
-        if self._by_timer or silent:
+        silence = self.ticker.clock.now().nanoseconds - self._heard
+        if self._by_timer or not 0 <= silence <= 1.5e9 * self.pacing.period:
             self._step()
 
     def _step(self) -> None:
@@ -201,7 +207,7 @@ class ControllerNode(LiveNode):
         quiet = controller.quiet
         applied = controller.command
         command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
-        if not quiet or not controller.quiet:
+        if not quiet or not controller.quiet or self.lockstep is not None:
             self._send(self._command, command)
         self._send_estimates()
         if self.trace is not None:
@@ -267,15 +273,19 @@ class ControllerNode(LiveNode):
                 **self.latencies.summary(),
             }
         values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
-        if self.trace is not None:
+        if self.trace is not None and not self.trace.failure:
             self.trace.flush()
+            if self.trace.failure:
+                self.get_logger().error(f'the trace ends: {self.trace.failure}')
         return LEVELS[controller.cause], _describe(controller.mode, controller.cause), values
 
     # ---- the end
     # ---------------------------------------------------------------------------------
 
     def begin_stop(self) -> None:
-        """Ramp to the safe command."""
+        """Ramp to the safe command; a silent one stays so, as another may be in control."""
+        self._stopping = True
+        self._silent = self.controller.quiet
         self.controller.enabled = False
 
     @property
@@ -287,7 +297,7 @@ class ControllerNode(LiveNode):
         """Send the safe command, whatever the rate limit, and make sure that it arrives."""
         if self.lockstep is not None:
             self.lockstep.flush()
-        else:
+        if not self._silent and (self.lockstep is None or not self.lockstep.complete):
             self._command.send_last(self.controller.settings.safe_command)
         if self.trace is not None:
             self.trace.close()

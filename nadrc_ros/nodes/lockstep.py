@@ -14,6 +14,8 @@ from rclpy.duration import Duration
 
 # rclpy has RCLError only in its extension module; every error of a publisher is a RuntimeError.
 PublishError = RuntimeError
+# Readers of a run that broke off are likely gone, which the middleware notices much later [s].
+BROKEN_OFF_WAIT = 0.1
 
 
 class Lockstep:
@@ -81,15 +83,25 @@ class Lockstep:
                 sender.send(value)
                 return
             except PublishError as error:
+                if self._node.told_to_stop:
+                    return
                 if time.monotonic() > end:
                     self._node.fail(f'{sender.topic}: a reader does not keep up ({error})')
                     return
                 time.sleep(0.001)
 
+    @property
+    def complete(self) -> bool:
+        """Tell whether the run has its full length."""
+        return self.fired >= self._pacing.steps
+
     def flush(self) -> None:
-        """Wait until every reader has everything that was sent."""
+        """Wait until every reader has what was sent; hardly at all for a run that broke off."""
+        wait = self._pacing.lockstep_timeout if self.complete else BROKEN_OFF_WAIT
+        end = time.monotonic() + wait
         for sender in self._senders:
-            sender.publisher.wait_for_all_acked(Duration(seconds=self._pacing.lockstep_timeout))
+            left = max(0.0, end - time.monotonic())
+            sender.publisher.wait_for_all_acked(Duration(seconds=left))
 
     def _take(self, index: int, value: float, info: Info) -> None:
         number = info['publication_sequence_number']
@@ -107,7 +119,7 @@ class Lockstep:
             values = [queue.popleft() for queue in self._queues]
             self.fired += 1
             self._fire(values)
-            if self.fired >= self._pacing.steps:
+            if self.complete:
                 self._node.finished = True
 
     def _watch(self) -> None:

@@ -8,12 +8,14 @@ from typing import Any, Generic, TypeVar
 
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import Declared
+from nadrc_ros.scenario.errors import ScenarioError
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
     SetParametersResult,
 )
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -76,7 +78,7 @@ class ParameterGroup(Generic[T]):
         try:
             if changes:
                 self._make({**self._values, **changes})
-        except SettingError as error:
+        except (SettingError, ScenarioError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
@@ -90,6 +92,53 @@ class ParameterGroup(Generic[T]):
             self._on_change(self.value)
 
 
+def refuse_undeclared(node: Node, parameters: Iterable[Parameter]) -> SetParametersResult | None:
+    """Return the refusal of a parameter that is not there; rclpy's own does not name it."""
+    for p in parameters:
+        if not node.has_parameter(p.name):
+            error = SettingError(p.name, p.value, _known(node, p.name))
+            return SetParametersResult(successful=False, reason=str(error))
+    return None
+
+
+def name_odd_type(
+    node: Node, parameters: Iterable[Parameter], result: SetParametersResult
+) -> SetParametersResult:
+    """Name the parameter in the refusal of a wrong type, which rclpy leaves nameless."""
+    for p in parameters:
+        if p.name in result.reason:
+            break
+        if p.type_.value != node.describe_parameter(p.name).type:
+            result.reason = f'{p.name}: {result.reason}'
+            break
+    return result
+
+
+def refuse_unknown_types(node: Node) -> None:
+    """Refuse requests to set a value of a type that does not exist; rclpy would end the node."""
+    for service in node.services:
+        if service.srv_type in (SetParameters, SetParametersAtomically):
+            service.callback = _with_known_types(service.callback)
+
+
+def _with_known_types(callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    known = {kind.value for kind in Parameter.Type}
+
+    def call(request: Any, response: Any) -> Any:
+        for p in request.parameters:
+            if p.value.type not in known:
+                reason = f'{p.name}: {p.value.type} is not a type of parameters'
+                refusal = SetParametersResult(successful=False, reason=reason)
+                if isinstance(response, SetParametersAtomically.Response):
+                    response.result = refusal
+                else:
+                    response.results = [refusal] * len(request.parameters)
+                return response
+        return callback(request, response)
+
+    return call
+
+
 def refuse_unknown(node: Node) -> None:
     """
     Refuse a parameter that was given at start but that the node does not have.
@@ -100,12 +149,16 @@ def refuse_unknown(node: Node) -> None:
         Names the parameter and the closest known one: a misspelt limit must not go unnoticed.
 
     """
-    known = [name for name in node._parameters if not name.startswith(_FOREIGN)]
     for name, parameter in node._parameter_overrides.items():
-        if name not in known and not name.startswith(_FOREIGN):
-            close = get_close_matches(name, known, n=1)
-            hint = f'{close[0]}, perhaps' if close else 'one of ' + ', '.join(sorted(known))
-            raise SettingError(name, parameter.value, f'a parameter of {node.get_name()}: {hint}')
+        if not node.has_parameter(name) and not name.startswith(_FOREIGN):
+            raise SettingError(name, parameter.value, _known(node, name))
+
+
+def _known(node: Node, name: str) -> str:
+    known = sorted(name for name in node._parameters if not name.startswith(_FOREIGN))
+    close = get_close_matches(name, known, n=1)
+    hint = f'{close[0]}, perhaps' if close else 'one of ' + ', '.join(known)
+    return f'a parameter of {node.get_name()}: {hint}'
 
 
 def _default(field: Declared) -> Any:

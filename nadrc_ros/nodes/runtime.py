@@ -8,8 +8,14 @@ import signal
 import sys
 import time
 import traceback
+from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.nodes.parameters import (
+    name_odd_type,
+    refuse_undeclared,
+    refuse_unknown_types,
+)
 from nadrc_ros.scenario.errors import ScenarioError
 import rclpy
 from rclpy.exceptions import (
@@ -20,6 +26,7 @@ from rclpy.exceptions import (
 )
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
@@ -43,6 +50,15 @@ class LiveNode(Node):
         super().__init__(name)
         self.finished = False
         self.failure = ''
+        self.told_to_stop = False
+        refuse_unknown_types(self)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> Any:
+        """Set all or none; what is refused is always named."""
+        if refusal := refuse_undeclared(self, parameter_list):
+            return refusal
+        result = super().set_parameters_atomically(parameter_list)
+        return name_odd_type(self, parameter_list, result)
 
     def fail(self, message: str) -> None:
         """End the process with exit code 1 and this message."""
@@ -90,11 +106,19 @@ def run(make_node: Callable[[], LiveNode]) -> int:
     be sent; the ones here only raise a flag, also for a second signal while stopping.
     """
     signals: list[int] = []
+    nodes: list[LiveNode] = []
+
+    def on_signal(number: int, _: object) -> None:
+        signals.append(number)
+        for node in nodes:
+            node.told_to_stop = True
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: signals.append(received))
+        signal.signal(number, on_signal)
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
+        nodes.append(node)
     except BAD_START as error:
         return _bad_start(error)
     except RuntimeError as error:  # what rclpy makes of a malformed --params-file or --ros-args
