@@ -1,0 +1,74 @@
+"""Every test process has a ROS domain of its own, on this machine only, before rclpy starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import fcntl
+from itertools import count
+import os
+from pathlib import Path
+import tempfile
+from typing import IO
+
+from probe import Probe, Processes
+import pytest
+
+DOMAINS = range(1, 101)
+_names = count(1)
+
+
+def _take_domain() -> IO[str]:
+    """Lock the first free domain for as long as this process lives."""
+    for domain in DOMAINS:
+        lock = Path(tempfile.gettempdir(), f'nadrc_ros_domain_{domain}.lock').open('a')  # noqa: SIM115
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        os.environ['ROS_DOMAIN_ID'] = str(domain)
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        return lock
+    raise RuntimeError('all ROS domains from 1 to 100 are taken')
+
+
+_LOCK = _take_domain()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def ros_log(tmp_path_factory: pytest.TempPathFactory) -> None:
+    os.environ['ROS_LOG_DIR'] = str(tmp_path_factory.mktemp('ros_log'))
+
+
+@pytest.fixture
+def namespace() -> str:
+    """Return a namespace that no other test has: what is left of them is not heard."""
+    return f'/t{next(_names)}'
+
+
+@pytest.fixture
+def start(namespace: str, tmp_path: Path) -> Iterator[Processes]:
+    """Start node processes in the namespace of the test; they are dead when it ends."""
+    processes = Processes(namespace, tmp_path)
+    yield processes
+    processes.kill()
+
+
+@pytest.fixture
+def make_probe(namespace: str, tmp_path: Path) -> Iterator[Callable[..., Probe]]:
+    """Make the probe of a test that chooses its executor, or nodes in the same process."""
+    probes: list[Probe] = []
+
+    def make(**arguments: object) -> Probe:
+        probes.append(Probe(namespace, tmp_path, **arguments))  # type: ignore[arg-type]
+        return probes[-1]
+
+    yield make
+    for probe in probes:
+        probe.close()
+
+
+@pytest.fixture
+def probe(make_probe: Callable[..., Probe]) -> Probe:
+    """Return a node beside the nodes under test, to talk to them and listen."""
+    return make_probe()
