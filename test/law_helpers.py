@@ -29,7 +29,7 @@ def bits(values: Sequence[float]) -> list[str]:
 
 
 def state_bits(state: State) -> list[list[str]]:
-    return [bits(row) for row in (*state.levels, state.profile, state.offset)]
+    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.age)]
 
 
 def copy_of(state: State) -> State:
@@ -37,6 +37,7 @@ def copy_of(state: State) -> State:
         [list(level) for level in state.levels],
         list(state.profile),
         list(state.offset),
+        list(state.age),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)
@@ -71,7 +72,7 @@ class Observer:
         self._spare = self._out.levels
 
     def update(self, y: float, u: float, h: float) -> None:
-        update(self.design, self.levels, y, u, h, self._spare, self._scratch)
+        update(self.design, self.levels, y, u, h, 1.0, self._spare, self._scratch)
         self.levels, self._spare = self._spare, self.levels
 
     def disturbance(self) -> float:

@@ -231,7 +231,9 @@ def test_bandwidths_of_the_levels() -> None:
     design = design_of(levels=5, inner_bandwidth=80.0, outer_bandwidth=32.0, bandwidth_ratio=0.25)
     assert design.bandwidths == [80.0, 32.0, 8.0, 2.0, 0.5]
     assert [list(design_of(structure=name, levels=3).reach) for name in NAMES] == [
-        {'nested': [0, 1, 2], 'cascade': [0, 1, 2], 'printed': [0, 2]}.get(name, [0])
+        {name: [0, 1, 2] for name in ('nested', 'cascade', 'nonlinear')}.get(
+            name, [0, 2] if name == 'printed' else [0]
+        )
         for name in NAMES
     ]
 

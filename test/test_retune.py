@@ -26,6 +26,8 @@ VALUES: dict[str, tuple[Any, ...]] = {
     'inner_bandwidth': (5.0, 39.0, 200.0),
     'outer_bandwidth': (5.0, 31.0, 200.0),
     'levels': (1, 2, 3, 6),
+    'startup_time': (0.0, 0.3),
+    'eso_delta': (1e-3, 1.0),
     'bandwidth_ratio': (0.1, 2.0),
     'extended_states': (1, 2, 3),
     'pole_ratios': ((0.5,), (2.0,)),

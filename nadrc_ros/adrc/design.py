@@ -31,6 +31,9 @@ class Design(NamedTuple):
     bandwidths: list[float]
     reach: list[int]
     chained: bool
+    nonlinear: bool
+    eso_delta: float
+    startup_time: float
     equal_poles: bool
     pole_ratios: list[float]
     gain_matrix: Matrix
@@ -70,6 +73,9 @@ def make_design(settings: ControllerSettings) -> Design:
         bandwidths=[scale * w for w in bandwidths(settings, levels)],
         reach=list(structure.reach(levels)),
         chained=structure.chained,
+        nonlinear=structure.nonlinear,
+        eso_delta=settings.eso_delta,
+        startup_time=settings.startup_time,
         equal_poles=equal_poles,
         pole_ratios=list(settings.pole_ratios),
         gain_matrix=cast(

@@ -37,12 +37,14 @@ class State(NamedTuple):
 
     In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (1,)
     is what a bumpless transfer added to the command; it decays with the controller bandwidth.
-    ``scratch`` (N, N) holds intermediate gains and carries nothing from step to step.
+    ``age`` (1,) is the time since the estimates were started [s]. ``scratch`` (N, N) holds
+    intermediate gains and carries nothing from step to step.
     """
 
     levels: Matrix
     profile: Vector
     offset: Vector
+    age: Vector
     scratch: Matrix
 
 
@@ -51,6 +53,7 @@ def blank_state(design: Design) -> State:
     return State(
         [[0.0] * design.states for _ in range(design.levels)],
         [0.0] * (design.order + 1),
+        [0.0],
         [0.0],
         [[0.0] * design.states for _ in range(design.states)],
     )
@@ -75,6 +78,7 @@ def start(
         out.levels[k][0] = measurement - out.profile[0] if design.error_based else measurement
     out.levels[0][design.order] = -design.b0 * applied
     out.offset[0] = 0.0
+    out.age[0] = 0.0
 
 
 def init(
@@ -92,6 +96,7 @@ def copy_state(state: State, out: State) -> None:
         out.levels[k][:] = state.levels[k]
     out.profile[:] = state.profile
     out.offset[0] = state.offset[0]
+    out.age[0] = state.age[0]
 
 
 def step(
@@ -149,13 +154,26 @@ def step(
     observed = measurement
     if design.error_based:
         observed -= profile[0]
-    update(design, state.levels, observed, applied, dt, out.levels, out.scratch)
+    age = out.age[0] = state.age[0] + dt
+    speed = 1.0 if age >= design.startup_time else observer_speed(age, design.startup_time)
+    update(design, state.levels, observed, applied, dt, speed, out.levels, out.scratch)
     offset = state.offset[0]
     out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(design, state, reference, measurement, applied, out)
     return limit(design, raw, applied, dt)
+
+
+def observer_speed(age: float, startup_time: float) -> float:
+    """
+    Return the share (t / T)^3 of the observer bandwidths that acts t < T after a start.
+
+    The device against peaking of section II-C of the paper: 1/eps = 100 t^3 in the first second
+    and 100 from then on.
+    """
+    share = age / startup_time
+    return share * share * share
 
 
 def raw_command(design: Design, state: State) -> float:
@@ -262,6 +280,7 @@ def retune(
         after.levels[0][n] -= after.profile[n]
     after.levels[0][n] += (old.b0 - new.b0) * applied
     after.offset[0] = state.offset[0]
+    after.age[0] = state.age[0]
     target = raw_command(old, state)
     if limit(new, target, applied, dt)[0] != command:
         target = command

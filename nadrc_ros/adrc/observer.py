@@ -14,7 +14,7 @@ Ad - L C Ad at z = exp(-ratio w_k h) (see ``gains``). The continuous counterpart
 
 from __future__ import annotations
 
-from math import expm1
+from math import expm1, pow
 
 from nadrc_ros.adrc.design import Design, Matrix
 
@@ -25,16 +25,23 @@ def update(
     measurement: float,
     applied: float,
     dt: float,
+    speed: float,
     out: Matrix,
     scratch: Matrix,
 ) -> None:
     """
     Advance every level by one tick of ``dt`` seconds, from ``levels`` (K, N) into ``out`` (K, N).
 
-    ``applied`` is the command that acted since the last tick; ``scratch`` (N, N) is only written.
+    ``applied`` is the command that acted since the last tick; ``speed`` scales all bandwidths;
+    ``scratch`` (N, N) is only written. With a nonlinear structure the correction of state i is
+    multiplied by (|e| / delta)^(2^-i - 1) where the innovation e exceeds delta.
     """
     order = design.order
     last = design.states - 1
+    equal_poles = design.equal_poles
+    nonlinear = design.nonlinear
+    chained = design.chained
+    gains: Matrix = design.gain_matrix if equal_poles else scratch
     for k in range(design.levels):
         x = levels[k]
         z = out[k]
@@ -43,16 +50,14 @@ def update(
             v += levels[j][order]
         z[:] = x
         z[order] += v
-        if design.equal_poles:
-            gains: Matrix = design.gain_matrix
-            decay = -expm1(-design.bandwidths[k] * dt)
-        else:
-            gains = scratch
-            decay = place_poles(design, design.bandwidths[k] * dt, scratch)
+        wh = speed * design.bandwidths[k] * dt
+        decay = -expm1(-wh) if equal_poles else place_poles(design, wh, scratch)
         # Row i needs z[i+1:] as predicted from: the chain is swept downwards in place, Taylor sum
         # and gain polynomial together. While loops: half the time of range() in plain Python.
-        scale = decay / dt
+        per_row = decay / dt
         innovation = 0.0
+        excess = 1.0
+        exponent = 1.0
         i = 0
         while i <= last:
             row = gains[i]
@@ -66,10 +71,16 @@ def update(
             ahead += x[i]
             if i == 0:
                 innovation = (measurement - ahead) * decay
-            z[i] = ahead + gain * innovation
-            innovation *= scale
+                if nonlinear:
+                    excess = abs(measurement - ahead) / design.eso_delta
+            gain *= innovation
+            if excess > 1.0:
+                gain *= pow(excess, exponent - 1.0)
+                exponent *= 0.5
+            z[i] = ahead + gain
+            innovation *= per_row
             i += 1
-        if design.chained:
+        if chained:
             measurement = z[0]
 
 

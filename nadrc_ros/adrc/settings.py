@@ -64,6 +64,20 @@ class ControllerSettings:
         'of the bandwidth',
         'observer poles: one entry for all, or one for each of the n + m states',
     )
+    startup_time: float = number(
+        0.0,
+        0.0,
+        3600.0,
+        's',
+        'time after a start over which the observer bandwidths rise as t^3; 0 = off',
+    )
+    eso_delta: float = number(
+        0.01,
+        1e-9,
+        1e6,
+        'output unit',
+        'innovation up to which the nonlinear structure is the nested one; ignored by the others',
+    )
     controller_bandwidth: float = number(
         4.0, 1e-3, 1e4, 'rad/s', 'closed-loop bandwidth wc: feedback gains from (s + wc)^n'
     )

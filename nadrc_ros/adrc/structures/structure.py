@@ -24,7 +24,7 @@ class Structure:
     ``levels`` and ``extended_states`` give K and m for the settings; ``reach(K)`` how many
     disturbance estimates, counted from level 1, enter the input of each level; ``chained`` says
     that a level is corrected by the output estimate of the one before it instead of the
-    measurement.
+    measurement; ``nonlinear`` that large innovations correct less than in proportion.
     """
 
     name: str
@@ -33,3 +33,4 @@ class Structure:
     extended_states: Callable[[ControllerSettings], int] = lambda settings: 1
     reach: Callable[[int], Sequence[int]] = all_before
     chained: bool = False
+    nonlinear: bool = False
