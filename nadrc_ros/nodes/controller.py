@@ -110,8 +110,7 @@ class ControllerNode(LiveNode):
         self._make_estimate_senders()
         self.diagnostics = Diagnostics(self, self._report)
 
-    # ---- parameters and services
-    # -----------------------------------------------------------------
+    # ---- parameters and services ----
 
     def _settings(self, values: dict[str, Any]) -> ControllerSettings:
         """Make settings that also fit the rate."""
@@ -151,8 +150,7 @@ class ControllerNode(LiveNode):
         response.message = 'the observers restart at the next measurement, without a bump'
         return response
 
-    # ---- samples
-    # ---------------------------------------------------------------------------------
+    # ---- samples ----
 
     def _on_measurement(self, value: float, info: Info) -> None:
         if self._sample is not None:
@@ -197,8 +195,7 @@ class ControllerNode(LiveNode):
         """Do one lockstep tick."""
         self._tick(values[0], self.pacing.period, self.pacing.period, values[1:])
 
-    # ---- the step
-    # --------------------------------------------------------------------------------
+    # ---- the step ----
 
     def _tick(
         self, measurement: float, dt: float, elapsed: float, reference: list[float] | None
@@ -241,8 +238,7 @@ class ControllerNode(LiveNode):
             if isfinite(value):
                 self._send(sender, value)
 
-    # ---- what it says of itself
-    # ------------------------------------------------------------------
+    # ---- what it says of itself ----
 
     def _announce(self) -> None:
         """Log a change of mode once, and tell /diagnostics at once."""
@@ -279,8 +275,7 @@ class ControllerNode(LiveNode):
                 self.get_logger().error(f'the trace ends: {self.trace.failure}')
         return LEVELS[controller.cause], _describe(controller.mode, controller.cause), values
 
-    # ---- the end
-    # ---------------------------------------------------------------------------------
+    # ---- the end ----
 
     def begin_stop(self) -> None:
         """Ramp to the safe command; a silent one stays so, as another may be in control."""

@@ -131,8 +131,7 @@ class RecorderNode(LiveNode):
         self.create_service(Trigger, '~/save', self._on_save)
         self.diagnostics = Diagnostics(self, self._report)
 
-    # ---- the run
-    # ---------------------------------------------------------------------------------
+    # ---- the run ----
 
     def _open_run(self) -> None:
         self.folder = RunFolder(Path(self.settings.directory).expanduser(), self._columns)
@@ -170,8 +169,7 @@ class RecorderNode(LiveNode):
             'complete': not self.recording,
         }
 
-    # ---- samples
-    # ---------------------------------------------------------------------------------
+    # ---- samples ----
 
     def _taker(self, name: str) -> Any:
         def take(value: float, info: Info) -> None:
@@ -245,8 +243,7 @@ class RecorderNode(LiveNode):
         self.recording = False
         self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
 
-    # ---- services and reports
-    # --------------------------------------------------------------------
+    # ---- services and reports ----
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         self._end_run()
