@@ -1,0 +1,1 @@
+"""The paper, reproduced: what it claims beside what this package measures."""
