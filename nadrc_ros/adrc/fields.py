@@ -4,7 +4,7 @@ Declared settings: one declaration of a field serves every reader of it.
 The functions ``number``, ``integer``, ``numbers``, ``choice``, ``flag`` and ``text`` make attrs
 fields that are validated at construction and carry a :class:`Declared` with unit, range and
 description. ROS parameter descriptors, the YAML check and the parameter table of the docs are all
-read from it.
+read from it. Each takes ``live=False`` for what is fixed at start; ``number`` also ``nonzero``.
 """
 
 from __future__ import annotations
@@ -75,79 +75,37 @@ class Declared:
 
 
 def number(
-    default: float,
-    low: float,
-    high: float,
-    unit: str,
-    description: str,
-    *,
-    nonzero: bool = False,
-    live: bool = True,
+    default: float, low: float, high: float, unit: str, description: str, **more: bool
 ) -> Any:
     """Declare a finite real number in the closed range [low, high]."""
-    return _field(
-        Declared(
-            kind='number',
-            default=default,
-            low=low,
-            high=high,
-            unit=unit,
-            description=description,
-            nonzero=nonzero,
-            live=live,
-        )
-    )
+    return _field('number', default, description, low=low, high=high, unit=unit, **more)
 
 
-def integer(default: int, low: int, high: int, description: str, *, live: bool = True) -> Any:
+def integer(default: int, low: int, high: int, description: str, **more: bool) -> Any:
     """Declare an integer in the closed range [low, high]."""
-    return _field(
-        Declared(
-            kind='integer', default=default, low=low, high=high, description=description, live=live
-        )
-    )
+    return _field('integer', default, description, low=low, high=high, **more)
 
 
 def numbers(
-    default: tuple[float, ...],
-    low: float,
-    high: float,
-    unit: str,
-    description: str,
-    *,
-    live: bool = True,
+    default: tuple[float, ...], low: float, high: float, unit: str, description: str, **more: bool
 ) -> Any:
     """Declare a non-empty list of finite numbers, each in the closed range [low, high]."""
-    return _field(
-        Declared(
-            kind='numbers',
-            default=default,
-            low=low,
-            high=high,
-            unit=unit,
-            description=description,
-            live=live,
-        )
-    )
+    return _field('numbers', default, description, low=low, high=high, unit=unit, **more)
 
 
-def choice(default: str, choices: tuple[str, ...], description: str, *, live: bool = True) -> Any:
+def choice(default: str, choices: tuple[str, ...], description: str, **more: bool) -> Any:
     """Declare one of a few words."""
-    return _field(
-        Declared(
-            kind='choice', default=default, choices=choices, description=description, live=live
-        )
-    )
+    return _field('choice', default, description, choices=choices, **more)
 
 
-def flag(default: bool, description: str, *, live: bool = True) -> Any:
+def flag(default: bool, description: str, **more: bool) -> Any:
     """Declare true or false."""
-    return _field(Declared(kind='flag', default=default, description=description, live=live))
+    return _field('flag', default, description, **more)
 
 
-def text(default: str, description: str, *, live: bool = True) -> Any:
+def text(default: str, description: str, **more: bool) -> Any:
     """Declare a string."""
-    return _field(Declared(kind='text', default=default, description=description, live=live))
+    return _field('text', default, description, **more)
 
 
 def declared(cls: type[Any]) -> dict[str, Declared]:
@@ -177,14 +135,16 @@ def build(cls: type[T], values: Mapping[str, Any], path: str = '') -> T:
         raise error.inside(path) from None
 
 
-def _field(declaration: Declared) -> Any:
+def _field(kind: str, default: Any, description: str, **more: Any) -> Any:
+    declaration = Declared(kind=kind, default=default, description=description, **more)
+
     def check(_: object, attribute: Any, value: object) -> None:
         if not declaration.accepts(value):
             raise SettingError(attribute.name, value, declaration.allowed())
 
     return attrs.field(
-        default=declaration.default,
-        converter=_CONVERTERS.get(declaration.kind),
+        default=default,
+        converter=_CONVERTERS.get(kind),
         validator=check,
         metadata={_KEY: declaration},
     )
