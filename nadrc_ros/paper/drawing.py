@@ -1,0 +1,101 @@
+"""The look of the pictures of the reproduction, and their files: the same bytes every time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from io import BytesIO
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from nadrc_ros.report.figure import COLOURS, GREY, INK, STYLE
+import numpy as np
+
+Draw = Callable[[dict[str, Any]], dict[str, Figure]]
+FORMATS = ('png', 'svg')
+WIDTH = 8.0  # inches
+POINTS = 800
+DIGITS = 6
+# One role, one colour, through all pictures.
+CONVENTIONAL, NESTED, PRINTED, LITERAL = COLOURS[0], COLOURS[1], COLOURS[2], COLOURS[5]
+LOOK = {
+    **STYLE,
+    'font.family': 'DejaVu Sans',
+    'legend.frameon': False,
+    'legend.fontsize': 8.5,
+    'svg.fonttype': 'path',
+    'svg.hashsalt': 'nadrc',
+}
+
+__all__ = [
+    'CONVENTIONAL',
+    'GREY',
+    'INK',
+    'LITERAL',
+    'NESTED',
+    'PRINTED',
+    'in_style',
+    'panels',
+    'render',
+    'thinned',
+]
+
+
+def in_style(draw: Draw) -> Draw:
+    """Let a function that draws the result of a section do so in the style of the house."""
+
+    @wraps(draw)
+    def styled(result: dict[str, Any]) -> dict[str, Figure]:
+        with rc_context(LOOK):
+            return draw(result)
+
+    return styled
+
+
+def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
+    """Return a figure ``height`` inches high and its axes, always as an array (rows, columns)."""
+    figure = Figure(figsize=(WIDTH, height), layout='constrained')
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def render(figure: Figure, file_format: str) -> bytes:
+    """Return the figure as the contents of a file, one of ``FORMATS``, without date or chance."""
+    buffer = BytesIO()
+    metadata = {'Date': None, 'Creator': None} if file_format == 'svg' else {'Software': None}
+    with rc_context(LOOK):
+        figure.savefig(buffer, format=file_format, dpi=150, metadata=metadata)
+    return buffer.getvalue()
+
+
+def thinned(columns: dict[str, Any], points: int = POINTS) -> dict[str, list[float]]:
+    """
+    Return arrays of equal length as short lists for a picture, peaks kept.
+
+    Of each stretch the lowest and the highest value of a column are kept, in their order, so that
+    noise and chatter keep their width; ``time`` goes on evenly.
+    """
+    size = len(columns['time'])
+    stretch = max(1, -(-2 * size // points))
+    return {
+        name: _rounded(_ends(np.asarray(values, dtype=np.float64), stretch, name == 'time'))
+        for name, values in columns.items()
+    }
+
+
+def _ends(values: Any, stretch: int, even: bool) -> list[float]:
+    if stretch <= 2:
+        return list(values)
+    kept: list[float] = []
+    for i in range(0, len(values), stretch):
+        part = values[i : i + stretch]
+        if even:
+            kept += [part[0], part[len(part) // 2]]
+        else:
+            first, last = sorted((int(np.argmin(part)), int(np.argmax(part))))
+            kept += [part[first], part[last]]
+    return kept
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [float(f'{value:.{DIGITS}g}') for value in values]
