@@ -16,7 +16,7 @@ Draw = Callable[[dict[str, Any]], dict[str, Figure]]
 FORMATS = ('png', 'svg')
 WIDTH = 8.0  # inches
 POINTS = 800
-DIGITS = 6
+DIGITS = 5
 # One role, one colour, through all pictures.
 CONVENTIONAL, NESTED, PRINTED, LITERAL = COLOURS[0], COLOURS[1], COLOURS[2], COLOURS[5]
 LOOK = {
@@ -72,24 +72,25 @@ def thinned(columns: dict[str, Any], points: int = POINTS) -> dict[str, list[flo
     """
     Return arrays of equal length as short lists for a picture, peaks kept.
 
-    Of each stretch the lowest and the highest value of a column are kept, in their order, so that
-    noise and chatter keep their width; ``time`` goes on evenly.
+    Of each stretch that goes up and down the lowest and the highest value are kept, in their
+    order, so that noise and chatter keep their width; of others the first and the middle one.
     """
     size = len(columns['time'])
     stretch = max(1, -(-2 * size // points))
     return {
-        name: _rounded(_ends(np.asarray(values, dtype=np.float64), stretch, name == 'time'))
+        name: _rounded(_kept(np.asarray(values, dtype=np.float64), stretch))
         for name, values in columns.items()
     }
 
 
-def _ends(values: Any, stretch: int, even: bool) -> list[float]:
+def _kept(values: Any, stretch: int) -> list[float]:
     if stretch <= 2:
         return list(values)
     kept: list[float] = []
     for i in range(0, len(values), stretch):
         part = values[i : i + stretch]
-        if even:
+        steps = np.diff(part)
+        if (steps >= 0.0).all() or (steps <= 0.0).all():
             kept += [part[0], part[len(part) // 2]]
         else:
             first, last = sorted((int(np.argmin(part)), int(np.argmax(part))))
