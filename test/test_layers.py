@@ -25,8 +25,7 @@ IMPURE = {
     *('threading', 'subprocess', 'asyncio', 'tempfile', 'shutil', 'scipy', 'matplotlib', 'yaml'),
 }
 LOUD = {'print', 'open', 'input', 'breakpoint', 'exec', 'eval'}
-# numba in one file of the simulation only, scipy in theory only.
-MAY: dict[str, set[str]] = {'adrc/theory.py': {'scipy'}}
+THEORY = 'nadrc_ros.adrc.theory'
 FORBIDDEN_AT_START = ('rclpy', 'time', 'logging', 'scipy', 'numba', 'matplotlib', 'yaml', 'typer')
 
 
@@ -84,10 +83,28 @@ def test_nodes_know_nothing_of_what_is_asked_of_the_law() -> None:
 @pytest.mark.parametrize('path', files('adrc', 'simulation'), ids=name_of)
 def test_the_law_and_the_simulation_are_pure(path: Path) -> None:
     tops = {name.split('.')[0] for name in imports(path)}
-    assert not tops & (IMPURE - MAY.get(name_of(path), set()))
+    assert not tops & (IMPURE - ({'scipy'} if is_theory(path) else set()))
     calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
     called = {node.func.id for node in calls if isinstance(node.func, ast.Name)}
     assert not called & LOUD
+
+
+def is_theory(path: Path) -> bool:
+    return path.is_relative_to(PACKAGE / 'adrc' / 'theory')
+
+
+def test_numpy_and_scipy_stay_out_of_the_law_and_in_its_theory() -> None:
+    theory = [path for path in files('adrc') if is_theory(path)]
+    assert len(theory) > 5
+    for path in set(files('adrc')) - set(theory):
+        assert not {name.split('.')[0] for name in imports(path)} & {'numpy', 'scipy'}, path
+
+
+def test_nothing_that_a_node_may_import_imports_the_theory() -> None:
+    for path in sorted(PACKAGE.rglob('*.py')):
+        above = path.relative_to(PACKAGE).parts[0].removesuffix('.py') in ABOVE_NODES
+        if not above and not is_theory(path):
+            assert not any(f'{name}.'.startswith(f'{THEORY}.') for name in imports(path)), path
 
 
 def test_numba_is_named_in_one_file_only() -> None:

@@ -1,0 +1,100 @@
+"""Gains of a stable system: H-infinity (for sinusoids) and L1 (for bounded signals)."""
+
+from __future__ import annotations
+
+from math import ceil, inf, log2, pi
+
+from nadrc_ros.adrc.theory.system import (
+    Array,
+    balanced,
+    held,
+    is_stable,
+    natural_frequencies,
+    poles,
+    response,
+    StateSpace,
+)
+import numpy as np
+from scipy import optimize
+
+GRID = 1500
+# Decay over which an impulse response is followed, and samples per fastest time constant.
+DECAY = 70.0
+FINE = 100
+
+
+def h_infinity_norm(system: StateSpace) -> float:
+    """
+    Return the largest singular value of the response over all frequencies; inf when unstable.
+
+    Found on a logarithmic grid around the poles, and every peak of it refined.
+    """
+    if not is_stable(system):
+        return inf
+    omega = frequency_grid(system)
+
+    def gain(w: float) -> float:
+        return float(np.linalg.norm(response(system, w), 2))
+
+    gains = np.linalg.norm(response(system, omega), 2, axis=(1, 2))
+    best = max(float(gains.max()), gain(0.0))
+    if system.h == 0.0:
+        best = max(best, float(np.linalg.norm(system.d, 2)))
+    for i in range(1, len(omega) - 1):
+        if gains[i] >= max(gains[i - 1], gains[i + 1], 0.9 * best):
+            found = optimize.minimize_scalar(
+                lambda x: -gain(float(np.exp(x))),
+                bounds=(np.log(omega[i - 1]), np.log(omega[i + 1])),
+                method='bounded',
+                options={'xatol': 1e-9},
+            )
+            best = max(best, -float(found.fun))
+    return best
+
+
+def frequency_grid(*systems: StateSpace, points: int = GRID) -> Array:
+    """Return frequencies [rad/s] well around all poles, those of the poles included, sorted."""
+    near = np.concatenate([natural_frequencies(system) for system in systems])
+    near = near[near > 1e-6 * near.max()]
+    low, high = 1e-3 * near.min(), 1e3 * near.max()
+    h = max(system.h for system in systems)
+    if h > 0.0:
+        high = pi / h
+    grid = np.concatenate([np.geomspace(low, high, points), near[near < high]])
+    return np.unique(grid)
+
+
+def l1_norm(system: StateSpace) -> Array:
+    """
+    Return the L1 norm of the impulse response to a single input, shape (outputs,).
+
+    It is the largest |output| that an input bounded by 1 can reach, and no smaller bound holds
+    (M. Vidyasagar, Optimal rejection of persistent bounded disturbances, IEEE Trans. Autom.
+    Control 31(6), 1986). Computed as the total variation of the step response, to about 1e-4; inf
+    when unstable.
+    """
+    if system.b.shape[1] != 1:
+        raise ValueError('one input at a time')
+    if not is_stable(system):
+        return np.full(len(system.c), inf)
+    system = balanced(system)
+    through = np.abs(system.d[:, 0])
+    if system.h > 0.0:
+        slowest = -np.log(max(*np.abs(poles(system)), 1e-3))
+        impulse = system.c @ _orbit(system.a, system.b[:, 0], DECAY / slowest)
+        return np.asarray(through + np.abs(impulse).sum(axis=1))
+    p = poles(system)
+    dt = 1.0 / (FINE * np.abs(p).max())
+    transition, _ = held(system, dt)
+    rest = np.asarray(np.linalg.solve(system.a, system.b[:, 0]), dtype=float)
+    step = system.c @ _orbit(transition, rest, DECAY / -p.real.max() / dt)
+    return np.asarray(through + np.abs(np.diff(step, axis=1)).sum(axis=1))
+
+
+def _orbit(a: Array, x: Array, steps: float) -> Array:
+    """Return x, a x, a^2 x, ..., shape (N, count), count a power of two >= steps."""
+    orbit, power = x[:, None], a
+    for _ in range(ceil(log2(max(steps, 2.0)))):
+        orbit = np.hstack([orbit, power @ orbit])
+        power = power @ power
+    return orbit

@@ -1,0 +1,146 @@
+"""Linear systems as matrices: poles, stability, frequency response."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class StateSpace(NamedTuple):
+    """
+    x' = a x + b u, y = c x + d u; with ``h > 0`` [s] x' is the state one period later.
+
+    Shapes: a (N, N), b (N, inputs), c (outputs, N), d (outputs, inputs).
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    h: float = 0.0
+
+
+def pick(system: StateSpace, inputs: Sequence[int], outputs: Sequence[int]) -> StateSpace:
+    """Return the part of ``system`` from some inputs to some outputs."""
+    d = system.d[np.ix_(list(outputs), list(inputs))]
+    return system._replace(b=system.b[:, list(inputs)], c=system.c[list(outputs)], d=d)
+
+
+def combine(system: StateSpace, weights: ArrayLike) -> StateSpace:
+    """Return ``system`` with the outputs ``weights`` (outputs', outputs) times the old ones."""
+    rows = np.atleast_2d(np.asarray(weights, dtype=float))
+    return system._replace(c=rows @ system.c, d=rows @ system.d)
+
+
+def balanced(system: StateSpace) -> StateSpace:
+    """Return the same system in coordinates of comparable size (powers of two: exact)."""
+    _, (scale, _) = linalg.matrix_balance(system.a, permute=False, separate=True)
+    return system._replace(
+        a=system.a * scale / scale[:, None], b=system.b / scale[:, None], c=system.c * scale
+    )
+
+
+def poles(system: StateSpace) -> Complex:
+    """
+    Return the eigenvalues of a, shape (N,); [rad/s] when continuous.
+
+    Discrete ones are found as 1 + eig(a - I): for an N-fold pole rounding moves them by
+    (1e-16)^(1/N) of the matrix norm, and that of a - I is about w h instead of 1.
+    """
+    one = np.eye(len(system.a)) if system.h > 0.0 else 0.0
+    shift = 1.0 if system.h > 0.0 else 0.0
+    found: Complex = shift + linalg.eigvals(system.a - one)
+    return found
+
+
+def growth(system: StateSpace) -> float:
+    """Return max |z| of a discrete system, max Re s [1/s] of a continuous one."""
+    p = poles(system)
+    return float(max(abs(p)) if system.h > 0.0 else max(p.real))
+
+
+def is_stable(system: StateSpace) -> bool:
+    """Whether every pole is strictly inside the unit circle, or the left half plane."""
+    return growth(system) < (1.0 if system.h > 0.0 else 0.0)
+
+
+def natural_frequencies(system: StateSpace) -> Array:
+    """Return |s| of every pole [rad/s], shape (N,); |ln z| / h of discrete ones."""
+    p = poles(system)
+    if system.h > 0.0:
+        return np.abs(np.log(np.where(p == 0.0, 1e-300, p)) / system.h)
+    return np.abs(p)
+
+
+def response(system: StateSpace, omega: ArrayLike) -> Complex:
+    """
+    Return c (p I - a)^-1 b + d at p = j omega, or exp(j omega h).
+
+    ``omega`` [rad/s] of any shape (...); the result has the shape (..., outputs, inputs).
+    """
+    system = balanced(system)
+    s = 1j * np.asarray(omega, dtype=float)
+    shift = np.expm1(s * system.h) if system.h > 0.0 else s
+    one = np.eye(len(system.a))
+    rest = system.a - one if system.h > 0.0 else system.a
+    inside = np.linalg.solve(shift[..., None, None] * one - rest, system.b)
+    return np.asarray(system.c @ inside + system.d, dtype=complex)
+
+
+def static_gain(system: StateSpace) -> Array:
+    """Return the gain for constant inputs, shape (outputs, inputs)."""
+    return np.asarray(response(system, 0.0).real, dtype=float)
+
+
+def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSpace:
+    """
+    Return the continuous ``system`` sampled every ``h`` seconds, its input held; d must be 0.
+
+    ``delay`` [s], any fraction of a period, is between the hold and the system: of the period
+    that starts at t_k its first part sees an input one period older. The inputs on their way
+    become states. Source: K. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 3.2.
+    """
+    if system.h > 0.0 or np.any(system.d) or delay < 0.0:
+        raise ValueError('a continuous system without feedthrough, and a delay >= 0, is needed')
+    n, m = system.b.shape
+    whole = int(delay / h * (1.0 + 1e-12))
+    late = max(delay - whole * h, 0.0)
+    a, _ = held(system, h)
+    _, new = held(system, h - late)
+    _, older = held(system, late)
+    old = held(system, h - late)[0] @ older
+    waiting = whole + (1 if late > 1e-12 * h else 0)
+    size = n + waiting * m
+    big = np.zeros((size, size))
+    big[:n, :n] = a
+    enter = np.zeros((size, m))
+    # Row block j >= 1 holds the input of j periods ago.
+    for gain, age in ((new, whole), (old, whole + 1)):
+        if age == 0:
+            enter[:n] += gain
+        elif age <= waiting:
+            big[:n, n + (age - 1) * m : n + age * m] += gain
+    for j in range(waiting):
+        block = slice(n + j * m, n + (j + 1) * m)
+        if j == 0:
+            enter[block] = np.eye(m)
+        else:
+            big[block, n + (j - 1) * m : n + j * m] = np.eye(m)
+    c = np.hstack([system.c, np.zeros((len(system.c), waiting * m))])
+    return StateSpace(big, enter, c, np.array(system.d), h)
+
+
+def held(system: StateSpace, h: float) -> tuple[Array, Array]:
+    """Return exp(a h) and the integral of exp(a s) b over 0..h."""
+    n, m = system.b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = system.a, system.b
+    e: Any = linalg.expm(block * h)
+    return e[:n, :n], e[:n, n:]
