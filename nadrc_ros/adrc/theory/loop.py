@@ -1,0 +1,111 @@
+"""The closed loop of the discrete law and a linear plant: poles, stability, admissible gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf
+
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.theory.system import (
+    Complex,
+    growth,
+    pick,
+    poles,
+    StateSpace,
+    zero_order_hold,
+)
+from nadrc_ros.adrc.theory.transfer import controller
+import numpy as np
+
+
+def chain(order: int, gain: float, damping: Sequence[float] = ()) -> StateSpace:
+    """
+    Return the plant y^(n) + sum_i c_i y^(i) = b u, ``damping`` = c_0, c_1, ... [1/s^(n-i)].
+
+    Coefficients that are not given are 0. The state is (y, y', ..., y^(n-1)).
+    """
+    a = np.eye(order, k=1)
+    a[-1, : len(damping)] -= np.asarray(damping, dtype=float)
+    one = np.eye(order)
+    return StateSpace(a, gain * one[:, -1:], one[:1], np.zeros((1, 1)))
+
+
+def closed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> StateSpace:
+    """
+    Return (noise, load, r, r', ..., r^(n)) -> (output, command) of the loop at period ``h``.
+
+    ``plant`` is continuous, one input, one output, without feedthrough, sampled with the command
+    held and ``delay`` [s]; ``load`` adds to the command on its way to the plant, unseen by the
+    observers. States: those of the plant, then those of :func:`transfer.controller`.
+    """
+    p, k = zero_order_hold(plant, h, delay), controller(design, h)
+    n, m = len(p.a), len(k.a)
+    by, br = k.b[:, :1], k.b[:, 1:]
+    dy, dr = k.d[:, :1], k.d[:, 1:]
+    a = np.block([[p.a + p.b @ dy @ p.c, p.b @ k.c], [by @ p.c, k.a]])
+    b = np.block([[p.b @ dy, p.b, p.b @ dr], [by, np.zeros((m, 1)), br]])
+    c = np.block([[p.c, np.zeros((1, m))], [dy @ p.c, k.c]])
+    d = np.block([[np.zeros((1, 2 + dr.shape[1]))], [dy, np.zeros((1, 1)), dr]])
+    assert a.shape == (n + m, n + m)
+    return StateSpace(a, b, c, d, h)
+
+
+def loop_poles(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> Complex:
+    """Return the poles z of the closed loop, those of the delay and of all levels included."""
+    return poles(closed_loop(design, plant, h, delay))
+
+
+def loop_growth(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> float:
+    """Return max |z| of the closed loop: below 1 it is stable."""
+    return growth(closed_loop(design, plant, h, delay))
+
+
+def open_loop(
+    design: Design, plant: StateSpace, h: float, delay: float = 0.0
+) -> tuple[StateSpace, StateSpace]:
+    """Return u -> y of the sampled plant and y -> u of the controller; K P = -their product."""
+    return zero_order_hold(plant, h, delay), pick(controller(design, h), [0], [0])
+
+
+def gain_interval(
+    design: Design,
+    plant: StateSpace,
+    h: float,
+    delay: float = 0.0,
+    reach: float = 1e3,
+    points: int = 40,
+) -> tuple[float, float]:
+    """
+    Return the factors on the gain of ``plant``, around 1, between which the loop is stable.
+
+    With a plant of gain b0 they are the admissible b / b0: of the law only this ratio matters.
+    The ends are found by a scan outwards, ``points`` per decade up to ``reach``, then bisection;
+    0 and inf where it found none. (1, 1) when the loop is unstable as it is. An instability
+    narrower than the scan is missed; ``margins`` finds the same ends from the frequency response.
+    """
+
+    def stable(factor: float) -> bool:
+        return loop_growth(design, plant._replace(b=factor * plant.b), h, delay) < 1.0
+
+    if not stable(1.0):
+        return 1.0, 1.0
+    ratio = 10.0 ** (1.0 / points)
+    low = _edge(stable, 1.0 / ratio, 1.0 / reach)
+    high = _edge(stable, ratio, reach)
+    return 0.0 if low is None else low, inf if high is None else high
+
+
+def _edge(stable: Callable[[float], bool], ratio: float, end: float) -> float | None:
+    inside = 1.0
+    while abs(np.log(inside)) < abs(np.log(end)):
+        outside = inside * ratio
+        if not stable(outside):
+            for _ in range(50):
+                middle = (inside * outside) ** 0.5
+                if stable(middle):
+                    inside = middle
+                else:
+                    outside = middle
+            return inside
+        inside = outside
+    return None

@@ -1,0 +1,92 @@
+"""
+How far the loop of the discrete law and a linear plant is from instability.
+
+The loop is opened at the plant: L(z) = K(z) P(z), negative feedback, L = -1 being critical. With
+integrators of the plant and of every level, L starts far beyond -180 degrees, so that gain, too
+little as well as too much of it, may destabilise, and |L| = 1 may be crossed several times: all
+crossings are searched. Source: K. Astrom, R. Murray, Feedback Systems, 2nd ed., ch. 10; I. Landau,
+G. Zito, Digital Control Systems, 2006, ch. 2.6 (modulus and delay margin).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, pi
+from typing import NamedTuple
+
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.theory.loop import loop_growth, open_loop
+from nadrc_ros.adrc.theory.norms import frequency_grid
+from nadrc_ros.adrc.theory.system import Array, Complex, response, StateSpace
+import numpy as np
+from scipy import optimize
+
+
+class Margins(NamedTuple):
+    """
+    Distances to instability; of an unstable loop 0, and 1 for both gains.
+
+    ``gain_low`` and ``gain_high``: the factors on the loop gain between which it is stable.
+    ``phase`` [rad]: the smallest, of either sign. ``delay`` [s]: the shortest that destabilises,
+    taken as the phase exp(-j w t), so exact for whole periods. ``modulus``: min |1 + L|, that is 1
+    / ||S||inf. ``crossover`` [rad/s]: the highest frequency with |L| = 1, 0 without one.
+    """
+
+    gain_low: float
+    gain_high: float
+    phase: float
+    delay: float
+    modulus: float
+    crossover: float
+
+
+UNSTABLE = Margins(1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def margins(
+    design: Design, plant: StateSpace, h: float, delay: float = 0.0, points: int = 3000
+) -> Margins:
+    """Return the :class:`Margins` of the loop with the continuous ``plant`` at period ``h``."""
+    if loop_growth(design, plant, h, delay) >= 1.0:
+        return UNSTABLE
+    p, k = open_loop(design, plant, h, delay)
+
+    def loop(omega: Array | float) -> Complex:
+        return np.asarray(-response(p, omega)[..., 0, 0] * response(k, omega)[..., 0, 0])
+
+    omega = frequency_grid(p, k, points=points)
+    values = loop(omega)
+    size, height = np.log(np.abs(values)), values.imag
+    crossings = _roots(omega, size, lambda w: float(np.log(np.abs(loop(w)))))
+    angles = [float(np.angle(-loop(w))) for w in crossings]  # of L, from -180 degrees
+    real = [float(loop(w).real) for w in _roots(omega, height, lambda w: float(loop(w).imag))]
+    real.append(float(loop(pi / h).real))
+    factors = [-1.0 / value for value in real if value < 0.0]
+    return Margins(
+        gain_low=max((f for f in factors if f < 1.0), default=0.0),
+        gain_high=min((f for f in factors if f > 1.0), default=inf),
+        phase=min((abs(angle) for angle in angles), default=inf),
+        delay=min(((angle % (2.0 * pi)) / w for angle, w in zip(angles, crossings)), default=inf),
+        modulus=_least_distance(omega, values, loop),
+        crossover=max(crossings, default=0.0),
+    )
+
+
+def _roots(omega: Array, values: Array, function: Callable[[float], float]) -> list[float]:
+    """Return where ``function`` changes sign, each bracketed by two points of the grid."""
+    changes = np.nonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))[0]
+    return [
+        float(optimize.brentq(function, omega[i], omega[i + 1], rtol=1e-12))
+        for i in changes
+        if function(omega[i]) * function(omega[i + 1]) < 0.0
+    ]
+
+
+def _least_distance(omega: Array, values: Complex, loop: Callable[[float], Complex]) -> float:
+    """Return min |1 + L|, refined around the best point of the grid."""
+    i = int(np.argmin(np.abs(1.0 + values)))
+    low, high = omega[max(i - 1, 0)], omega[min(i + 1, len(omega) - 1)]
+    found = optimize.minimize_scalar(
+        lambda w: float(np.abs(1.0 + loop(w))), bounds=(low, high), method='bounded'
+    )
+    return min(float(found.fun), float(np.abs(1.0 + values[i])))
