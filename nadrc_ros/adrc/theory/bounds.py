@@ -83,7 +83,8 @@ def residuals(design: Design) -> Array:
     Return the smallest bounds on limsup |L - d_1 - ... - d_k| / M, k = 1..K, shape (K,) [s].
 
     The L1 norms of Delta -> residual, residual / s in ``transfer``, for any structure; for level
-    1 it is (n+1) / w_1. Continuous observers; a sampled one sees L half a period late.
+    1 it is (n+1) / w_1. Continuous observers; sampled ones take L for held over each period, which
+    puts them half a period ahead of a continuous L (generalized excepted).
     """
     found = []
     for levels in range(1, design.levels + 1):
