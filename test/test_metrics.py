@@ -131,16 +131,6 @@ def test_an_empty_run_has_zeros() -> None:
     assert set(Metrics().values().as_dict().values()) == {0}
 
 
-def test_reset_starts_again() -> None:
-    found = Metrics()
-    found.add(0.0, 0.1, 1.0, 5.0)
-    found.reset()
-    found.add(0.0, 0.1, 1.0, 1.0)
-    other = Metrics()
-    other.add(0.0, 0.1, 1.0, 1.0)
-    assert found.values() == other.values()
-
-
 @pytest.mark.parametrize('settle', [nan, inf, -1.0])
 def test_a_bad_settle_time_is_refused(settle: float) -> None:
     with pytest.raises(SettingError, match='settle_time'):

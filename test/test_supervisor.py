@@ -251,15 +251,6 @@ def test_p11_enabling_is_bumpless(structure: str, error_based: bool, tracking: f
     assert bench.chain.y == pytest.approx(50.0, abs=0.1)
 
 
-def test_p11_enabling_without_a_reference_holds_what_is_measured() -> None:
-    bench = Bench(enabled=False)
-    bench.run(100, r=None)
-    bench.controller.enabled = True
-    at = bench.chain.y
-    bench.run(1, r=None)
-    assert bench.controller.reference == [at, 0.0, 0.0]
-
-
 def test_p05_p14_disabling_ramps_to_safe_and_goes_quiet() -> None:
     bench = Bench()
     bench.run(300)

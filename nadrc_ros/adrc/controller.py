@@ -12,9 +12,11 @@ from nadrc_ros.adrc.law import (
     approach,
     blank_state,
     clamp,
+    disturbance_estimate,
     LARGEST,
     limit,
     meet,
+    output_estimate,
     raw_command,
     retune,
     start,
@@ -54,7 +56,8 @@ def tick(
     ``measurement`` is nan when none came. ``reference`` (n+1,) is the last one received; before
     the first it is written here: the first valid measurement, held. ``dt`` is the time this tick's
     sample spans, ``elapsed`` the time since the last tick [s], over which the rate limit counts.
-    On entering OK the first command equals ``applied``; the law goes on from there.
+    On entering OK the first command equals ``applied``; the law goes on from there. Derivatives of
+    a reference older than ``max_dt`` count as 0. At a start ``state`` is written to as well.
     """
     if not -LARGEST < applied < LARGEST:
         applied = design.safe_command
@@ -75,13 +78,18 @@ def tick(
     at_safe = applied == design.safe_command
     measured = status < NO_MEASUREMENT
     watch = supervise(design, watch, enabled, measured, referenced, at_safe, dt, elapsed)
-    if watch.cause == REFERENCE_TIMEOUT:
+    profiled = design.tracking_acceleration > 0.0
+    stale = design.max_dt < watch.reference_age < inf or watch.cause == REFERENCE_TIMEOUT
+    if stale and _moves(reference):
         _hold(reference, reference[0])
+        if not profiled and not design.error_based:  # those use no received derivative
+            approach(design, reference[0], out)
+            meet(design, out, command)
     if watch.mode == MODE_OK:
         if before.mode != MODE_OK:
             if watch.reference_age == inf:
                 _hold(reference, measurement)
-            if before.cause != REFERENCE_TIMEOUT:
+            if watch.reference_age == inf or (profiled and before.cause != REFERENCE_TIMEOUT):
                 approach(design, measurement, out)
             meet(design, out, applied)
             command = clamp(design, applied)
@@ -96,6 +104,13 @@ def _hold(reference: Vector, value: float) -> None:
     reference[0] = value
     for i in range(1, len(reference)):
         reference[i] = 0.0
+
+
+def _moves(reference: Vector) -> bool:
+    moves = False
+    for i in range(1, len(reference)):
+        moves = moves or reference[i] != 0.0
+    return moves
 
 
 class Controller:
@@ -145,7 +160,8 @@ class Controller:
         dt
             Time since the previous sample [s]; 0 when none came.
         elapsed
-            Time since the last tick [s], by default ``dt``.
+            Time since the last tick [s], by default ``dt``. Without a sample it must be given: the
+            timeouts count it.
         reference
             r and the derivatives that are known, or None when no new one came.
         applied
@@ -227,8 +243,7 @@ class Controller:
     @property
     def output_estimate(self) -> float:
         """The output as estimated by the level that feeds the law."""
-        estimate = self.state.levels[self.design.feedback_level][0]
-        return estimate + self.state.profile[0] if self.design.error_based else estimate
+        return output_estimate(self.design, self.state)
 
     @property
     def disturbances(self) -> list[float]:
@@ -238,17 +253,20 @@ class Controller:
     @property
     def total_disturbance(self) -> float:
         """The estimate of L = y^(n) - b0 u: the sum of the levels."""
-        total = sum(self.disturbances)
-        return total + self.state.profile[self.design.order] if self.design.error_based else total
+        return disturbance_estimate(self.design, self.state)
 
     def _take(self, reference: Sequence[float]) -> bool:
         """Keep a received reference with its known derivatives; refuse nonsense, count it."""
-        if not len(reference) or not all(-LARGEST < value < LARGEST for value in reference):
+        usable = [-LARGEST < value < LARGEST for value in reference]
+        if not all(usable):
             self.counts[Status.BAD_REFERENCE] += 1
+        if not usable or not usable[0]:
             return False
-        n = len(self.reference)
-        known = reference[:n] if self.settings.reference_derivatives == 'topics' else reference[:1]
-        self.reference[:] = [*known, *[0.0] * (n - len(known))]
+        self.reference[0] = reference[0]
+        known = 1 + self.settings.received_derivatives
+        for i in range(1, len(self.reference)):
+            there = i < known and i < len(reference) and usable[i]
+            self.reference[i] = reference[i] if there else 0.0
         return True
 
     def _swap(

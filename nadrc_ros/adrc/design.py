@@ -63,8 +63,10 @@ def make_design(settings: ControllerSettings) -> Design:
     order = settings.plant_order
     levels = structure.levels(settings)
     states = order + structure.extended_states(settings)
-    equal_poles = len(set(settings.pole_ratios)) == 1
-    scale = settings.pole_ratios[0] if equal_poles else 1.0
+    ratios = list(settings.pole_ratios[:states])
+    ratios += [ratios[-1]] * (states - len(ratios))
+    equal_poles = len(set(ratios)) == 1
+    scale = ratios[0] if equal_poles else 1.0
     return Design(
         order=order,
         states=states,
@@ -77,7 +79,7 @@ def make_design(settings: ControllerSettings) -> Design:
         eso_delta=settings.eso_delta,
         startup_time=settings.startup_time,
         equal_poles=equal_poles,
-        pole_ratios=list(settings.pole_ratios),
+        pole_ratios=ratios,
         gain_matrix=cast(
             Matrix, equal_pole_matrix(states) if equal_poles else inversion_matrix(states)
         ),

@@ -1,9 +1,13 @@
-"""The one exception that bad settings raise."""
+"""What is raised when a user has to mend something."""
 
 from __future__ import annotations
 
 
-class SettingError(ValueError):
+class UserError(ValueError):
+    """Something a user can mend; the message is one sentence and says what."""
+
+
+class SettingError(UserError):
     """
     A setting is outside what is allowed.
 

@@ -20,21 +20,28 @@ fading-memory polynomial filter (N. Morrison, Introduction to Sequential Smoothi
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 from math import comb
 
 
 def inversion_matrix(states: int) -> list[list[float]]:
     """Return T, upper triangular, shape (N, N): T_iq = [s^q] ln(1+s)^i / (1+s)."""
+    return [list(row) for row in _inversion(states)]
+
+
+@lru_cache
+def _inversion(states: int) -> tuple[tuple[float, ...], ...]:
+    """Work T out in fractions, which takes a millisecond, once per order."""
     logarithm = [Fraction(0)] + [Fraction((-1) ** (q + 1), q) for q in range(1, states)]
     row = [Fraction((-1) ** q) for q in range(states)]
     rows = []
     for _ in range(states):
-        rows.append([float(value) for value in row])
+        rows.append(tuple(float(value) for value in row))
         row = [
             sum((row[j] * logarithm[q - j] for j in range(q + 1)), Fraction(0))
             for q in range(states)
         ]
-    return rows
+    return tuple(rows)
 
 
 def equal_pole_matrix(states: int) -> list[list[float]]:
@@ -49,7 +56,7 @@ def observer_gains(states: int, h: float, poles: list[float]) -> list[float]:
     """
     Return the gains L, shape (N,), of the current observer with the given discrete poles.
 
-    The law itself evaluates the same matrices in ``observers.linear``; this form is for design and
+    The law itself evaluates the same matrices in ``observer``; this form is for design and
     tests. Units: l_i is [1/s^i]. Source: module docstring.
     """
     sigma = [1.0] + [0.0] * states

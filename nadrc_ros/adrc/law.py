@@ -8,7 +8,7 @@ bad input gives a :class:`Status`, and the next state equals the old one to the 
 
 from __future__ import annotations
 
-from math import exp, isfinite
+from math import copysign, exp, isfinite
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design, Matrix, Vector
@@ -25,8 +25,8 @@ from nadrc_ros.adrc.status import (
     SATURATED,
 )
 
-# No sensor reads this. With it and the ranges of the settings no intermediate result can overflow.
-LARGEST = 1e100
+# No sensor reads this; what is larger counts as no number at all.
+LARGEST = 1e15
 # Resolution of a time stamp [s].
 SHORTEST = 1e-9
 
@@ -162,6 +162,11 @@ def step(
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(design, state, reference, measurement, applied, out)
+    if offset != 0.0:
+        excess = raw - clamp(design, raw)
+        if excess * offset > 0.0:  # an offset met under a bad sample must not wind up
+            removed = min(abs(excess), abs(out.offset[0]))
+            out.offset[0] -= copysign(removed, offset)
     return limit(design, raw, applied, dt)
 
 
@@ -185,6 +190,20 @@ def raw_command(design: Design, state: State) -> float:
         v -= state.levels[k][design.order]
         k += 1
     return v / design.b0 + state.offset[0]
+
+
+def output_estimate(design: Design, state: State) -> float:
+    """Return y as the level that feeds the law estimates it."""
+    estimate = state.levels[design.feedback_level][0]
+    return estimate + state.profile[0] if design.error_based else estimate
+
+
+def disturbance_estimate(design: Design, state: State) -> float:
+    """Return the estimate of L = y^(n) - b0 u, the sum of the levels."""
+    total = 0.0
+    for k in range(design.levels):
+        total += state.levels[k][design.order]
+    return total + state.profile[design.order] if design.error_based else total
 
 
 def clamp(design: Design, command: float) -> float:
@@ -226,12 +245,10 @@ def meet(design: Design, state: State, command: float) -> None:
     state.offset[0] += command - raw_command(design, state)
 
 
-def approach(design: Design, measurement: float, state: State) -> None:
-    """With the tracking differentiator, let the profile start at rest at the measurement."""
-    if design.tracking_acceleration <= 0.0:
-        return
+def approach(design: Design, start_value: float, state: State) -> None:
+    """Let the profile rest at ``start_value``; error-based estimates move along with it."""
     for i in range(design.order + 1):
-        origin = measurement if i == 0 else 0.0
+        origin = start_value if i == 0 else 0.0
         if design.error_based and i < design.order:
             for k in range(design.levels):
                 state.levels[k][i] += state.profile[i] - origin

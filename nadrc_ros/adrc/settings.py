@@ -8,6 +8,8 @@ from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
+# How many derivatives of the reference have a topic: the rate and the acceleration.
+REFERENCE_DERIVATIVES = 2
 
 
 @attrs.frozen(kw_only=True)
@@ -62,7 +64,7 @@ class ControllerSettings:
         1e-3,
         1e3,
         'of the bandwidth',
-        'observer poles: one entry for all, or one for each of the n + m states',
+        'observer poles, one entry for each of the n + m states; the last one counts for the rest',
     )
     startup_time: float = number(
         0.0,
@@ -107,7 +109,8 @@ class ControllerSettings:
         0.0,
         1e6,
         'reference unit/s^2',
-        'acceleration R of the tracking differentiator; 0 = off',
+        'acceleration R of the tracking differentiator, which replaces received derivatives; '
+        '0 = off',
     )
     reference_derivatives: str = choice(
         'topics',
@@ -165,10 +168,35 @@ class ControllerSettings:
                 'tracking_acceleration', 0.0, 'above 0 with reference_derivatives = differentiator'
             )
         n = self.plant_order
-        states = n + STRUCTURES[self.structure].extended_states(self)
-        self._check_length('pole_ratios', states)
         self._check_length('fal_gains', n)
         self._check_length('fal_exponents', n)
+
+    @property
+    def received_derivatives(self) -> int:
+        """How many derivatives of the reference the law takes from outside."""
+        if self.reference_derivatives != 'topics':
+            return 0
+        return min(self.plant_order, REFERENCE_DERIVATIVES)
+
+    def check_rate(self, rate: float) -> None:
+        """
+        Refuse times that are too short for a loop at ``rate`` [Hz].
+
+        Raises
+        ------
+        SettingError
+            For a ``measurement_timeout`` or ``max_dt`` below two periods.
+
+        """
+        shortest = 2.0 / rate
+        if 0.0 < self.measurement_timeout < shortest:
+            raise SettingError(
+                'measurement_timeout',
+                self.measurement_timeout,
+                f'0 (off) or at least two periods, {shortest:g} s',
+            )
+        if self.max_dt < shortest:
+            raise SettingError('max_dt', self.max_dt, f'at least two periods, {shortest:g} s')
 
     def _check_length(self, name: str, count: int) -> None:
         values = getattr(self, name)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
+from nadrc_ros.cli.changes import changed
 from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
 import typer
 
@@ -50,11 +51,11 @@ def demo(
     with reporting():
         try:
             from nadrc_ros.nodes.graph import private_domain
-            from nadrc_ros.nodes.live import GraphError
+            from nadrc_ros.nodes.operator import GraphError
         except ImportError as error:
             complain(f'ROS 2 is not here ({error}): source it, or use `make demo`')
             raise typer.Exit(USER_ERROR) from None
-        scenario = whole.changed(duration=duration, rate=rate, noise_variance=noise_variance)
+        scenario = changed(whole, duration=duration, rate=rate, noise_variance=noise_variance)
         domain = private_domain()
         typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
         out.mkdir(parents=True, exist_ok=True)
@@ -167,12 +168,27 @@ def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str,
     from nadrc_ros.report.figure import draw, render
     from nadrc_ros.report.trace import Trace
 
-    names = ('time', 'reference', 'output', 'command', 'disturbance_estimate', 'total_disturbance')
+    names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')
     traces = {
-        run: Trace(**{column: result.samples[column] for column in names})
+        run: Trace(
+            **{column: result.samples[column] for column in names},
+            total_disturbance=_truth(scenario, run, result),
+        )
         for run, result in runs.items()
     }
     write_whole(path, render(draw(traces, title_of(name, scenario), marks_of(scenario)), 'png'))
+
+
+def _truth(scenario: 'Scenario', name: str, run: 'Run') -> list[float]:
+    """Return L = y^(n) - b0 u for the b0 of the controller; the plant recorded it for its own."""
+    plant_b0 = scenario.plant.make().b0
+    changes = [(0.0, scenario.controllers[name].b0)]
+    changes += [(r.time, r.settings['b0']) for r in scenario.retunes if 'b0' in r.settings]
+    columns = (run.samples[key] for key in ('time', 'command', 'total_disturbance'))
+    return [
+        truth + (plant_b0 - [b0 for start, b0 in changes if start <= t][-1]) * u
+        for t, u, truth in zip(*columns)
+    ]
 
 
 def _write_summary(

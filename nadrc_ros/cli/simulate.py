@@ -4,6 +4,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
+from nadrc_ros.cli.changes import changed
 from nadrc_ros.cli.failure import complain, reporting
 import typer
 
@@ -42,11 +43,9 @@ def simulate(
         path = find_scenario(file)
         whole = load(path)
     with reporting():
-        scenario = whole.changed(
-            duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
+        scenario = changed(
+            whole, duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
         )
-    for retune in whole.retunes[len(scenario.retunes) :]:
-        complain(f'the retune at {retune.time:g} s lies after the end and is left out')
     with reporting(file):
         results = {name: scenario.run(name) for name in scenario.controllers}
         for name, result in results.items():

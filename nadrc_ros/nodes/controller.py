@@ -10,7 +10,6 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, declared, flag, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
@@ -20,12 +19,10 @@ from nadrc_ros.nodes.pacing import PacingSettings, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
-from nadrc_ros.nodes.topics import Info, receive, Sender
-from nadrc_ros.simulation.experiment import KNOWN_DERIVATIVES
+from nadrc_ros.nodes.topics import Info, receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.trace import TraceWriter
 from std_srvs.srv import SetBool, Trigger
 
-DERIVATIVE_TOPICS = ('reference/rate', 'reference/acceleration')[:KNOWN_DERIVATIVES]
 LEVELS = {
     Cause.NONE: OK,
     Cause.START: WARN,
@@ -75,10 +72,9 @@ class ControllerNode(LiveNode):
         self.controller = Controller(settings, enabled=loop.enabled_at_start)
         self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
 
-        n_derivatives = min(settings.plant_order, len(DERIVATIVE_TOPICS))
-        if settings.reference_derivatives != 'topics':
-            n_derivatives = 0
-        self._reference = [nan] + [0.0] * n_derivatives
+        derivatives = REFERENCE_TOPICS[1 : 1 + settings.received_derivatives]
+        self._reference = [nan] + [0.0] * len(derivatives)
+        self._reference_heard = [0] * len(self._reference)
         self._referenced = False
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = 0
@@ -86,10 +82,11 @@ class ControllerNode(LiveNode):
         self._shown = (self.controller.mode, self.controller.cause)
         self._stopping = False
         self._silent = False
+        self._sent: float | None = None
         self.latencies = Latencies()
         self.lockstep: Lockstep | None = None
         self._senders: dict[str, Sender] = {}
-        inputs = ['measurement', 'reference', *DERIVATIVE_TOPICS[:n_derivatives]]
+        inputs = ['measurement', 'reference', *derivatives]
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
             for topic in inputs:
@@ -115,15 +112,7 @@ class ControllerNode(LiveNode):
     def _settings(self, values: dict[str, Any]) -> ControllerSettings:
         """Make settings that also fit the rate."""
         settings = build(ControllerSettings, values)
-        shortest = 2.0 * self.pacing.period
-        if 0.0 < settings.measurement_timeout < shortest:
-            raise SettingError(
-                'measurement_timeout',
-                settings.measurement_timeout,
-                f'0 (off) or at least two periods, {shortest:g} s',
-            )
-        if settings.max_dt < shortest:
-            raise SettingError('max_dt', settings.max_dt, f'at least two periods, {shortest:g} s')
+        settings.check_rate(self.pacing.rate)
         return settings
 
     def _retune(self, settings: ControllerSettings) -> None:
@@ -140,6 +129,7 @@ class ControllerNode(LiveNode):
         if request.data == self.controller.enabled:
             response.message = 'already ' + response.message
         self.controller.enabled = request.data
+        self.diagnostics.publish()
         return response
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
@@ -163,6 +153,7 @@ class ControllerNode(LiveNode):
     def _reference_taker(self, index: int) -> Any:
         def take(value: float, _: Info) -> None:
             self._reference[index] = value
+            self._reference_heard[index] = self.ticker.clock.now().nanoseconds
             self._referenced = self._referenced or index == 0
 
         return take
@@ -186,10 +177,15 @@ class ControllerNode(LiveNode):
         self.latencies.add(time.time() - info['source_timestamp'] * 1e-9)
 
     def _take_reference(self) -> list[float] | None:
+        """Return a reference that came since the last step, without derivatives that are stale."""
         if not self._referenced:
             return None
         self._referenced = False
-        return list(self._reference)
+        stale = self._reference_heard[0] - int(1e9 * self.controller.settings.max_dt)
+        return [
+            value if heard >= stale else 0.0
+            for value, heard in zip(self._reference, self._reference_heard)
+        ]
 
     def _fire(self, values: list[float]) -> None:
         """Do one lockstep tick."""
@@ -204,8 +200,10 @@ class ControllerNode(LiveNode):
         quiet = controller.quiet
         applied = controller.command
         command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
-        if not quiet or not controller.quiet or self.lockstep is not None:
+        resting = quiet and controller.quiet and self._sent in (None, command)
+        if not resting or self.lockstep is not None:
             self._send(self._command, command)
+            self._sent = command
         self._send_estimates()
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
@@ -266,6 +264,8 @@ class ControllerNode(LiveNode):
                 'measurements_overwritten': self._overwritten,
                 'stamps_from_future': self._times.from_future,
                 'clock_jumps': self._times.clock_jumps,
+                'measurements_out_of_order': self._times.out_of_order,
+                'measurement_publishers': self.count_publishers('measurement'),
                 **self.latencies.summary(),
             }
         values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
@@ -273,14 +273,17 @@ class ControllerNode(LiveNode):
             self.trace.flush()
             if self.trace.failure:
                 self.get_logger().error(f'the trace ends: {self.trace.failure}')
-        return LEVELS[controller.cause], _describe(controller.mode, controller.cause), values
+        level, message = LEVELS[controller.cause], _describe(controller.mode, controller.cause)
+        if values.get('measurement_publishers', 1) not in (0, 1):
+            level, message = max(level, WARN), f'{message}; several publishers of measurement'
+        return level, message, values
 
     # ---- the end ----
 
     def begin_stop(self) -> None:
         """Ramp to the safe command; a silent one stays so, as another may be in control."""
         self._stopping = True
-        self._silent = self.controller.quiet
+        self._silent = self.controller.quiet and self._sent in (None, self.controller.command)
         self.controller.enabled = False
 
     @property

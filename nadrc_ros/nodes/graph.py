@@ -16,9 +16,9 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS, ESTIMATES
+from nadrc_ros.nodes.topics import REFERENCE_TOPICS
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
-from nadrc_ros.simulation.experiment import KNOWN_DERIVATIVES
 from nadrc_ros.simulation.signals import signal_fields
 import yaml
 
@@ -87,9 +87,6 @@ def expected_readers(
     settings: ControllerSettings, lockstep: bool
 ) -> dict[str, tuple[str, list[str]]]:
     """Return for each topic of a loop its writer and the nodes that read it."""
-    derivatives = min(settings.plant_order, KNOWN_DERIVATIVES)
-    if settings.reference_derivatives != 'topics':
-        derivatives = 0
     paced = 'measurement' if lockstep else 'command'
     topics = {
         'reference': ('reference', ['controller', 'recorder']),
@@ -99,7 +96,7 @@ def expected_readers(
         'plant/total_disturbance': ('plant', ['recorder']),
     }
     topics[paced][1].append('reference')
-    for topic in ('reference/rate', 'reference/acceleration')[:derivatives]:
+    for topic in REFERENCE_TOPICS[1 : 1 + settings.received_derivatives]:
         topics[topic] = ('reference', ['controller'])
     for topic in ESTIMATES.values():
         topics[f'controller/{topic}'] = ('controller', ['recorder'])

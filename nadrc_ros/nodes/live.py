@@ -11,31 +11,12 @@ import time
 from typing import Any
 
 import attrs
-from diagnostic_msgs.msg import DiagnosticArray
-from nadrc_ros.nodes.graph import expected_readers, Loop
-from nadrc_ros.nodes.runtime import make_executor, spin_for
-from nadrc_ros.nodes.topics import receive
+from nadrc_ros.nodes.graph import Loop
+from nadrc_ros.nodes.operator import check, Operator, Progress
 from nadrc_ros.recording import read_samples, SUMMARY
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.simulation.experiment import Retune
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import SetParameters
 import rclpy
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from std_srvs.srv import SetBool
-
-READY_TIME = 30.0
-ANSWER_TIME = 5.0
-SETTLE_TIME = 0.5
-
-# Called with the time since the start [s] and the ITAE of each loop so far.
-Progress = Callable[[float, dict[str, float]], None]
-
-
-class GraphError(RuntimeError):
-    """A node failed, or did not answer in time; the message is for the user."""
 
 
 @attrs.frozen(kw_only=True)
@@ -65,9 +46,9 @@ def run_lockstep(
         tell(name)
         with _loops(scenario, [name], directory, lockstep=True) as (loop,):
             while loop.running:
-                _check([loop])
+                check([loop])
                 time.sleep(0.05)
-            _check([loop])
+            check([loop])
             runs[name] = _collect(loop, {})
     return runs
 
@@ -91,6 +72,7 @@ def run_realtime(
             operator.wait_until_ready()
             operator.enable()
             operator.follow(scenario.duration, list(scenario.retunes), progress)
+            operator.ask_for_counts()
             operator.wait_until_recorded()
             runs = {loop.name: _collect(loop, operator.counted(loop)) for loop in loops}
             if keep_open is not None:
@@ -98,129 +80,6 @@ def run_realtime(
             return runs
     finally:
         rclpy.try_shutdown()
-
-
-class Operator:
-    """What a person at the terminals would do: look, enable, retune, wait."""
-
-    def __init__(self, loops: list[Loop]) -> None:
-        self.loops = loops
-        self.diagnostics: dict[str, dict[str, str]] = {}
-        self.at_start: dict[str, dict[str, str]] = {}
-        self.itae: dict[str, float] = {}
-        self._node = Node('operator')
-        self._executor = make_executor()
-        self._executor.add_node(self._node)
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
-        self._enable = {
-            loop.name: self._node.create_client(SetBool, f'/{loop.name}/controller/enable')
-            for loop in loops
-        }
-        self._set = {
-            loop.name: self._node.create_client(
-                SetParameters, f'/{loop.name}/controller/set_parameters'
-            )
-            for loop in loops
-        }
-        for loop in loops:
-            receive(self._node, f'/{loop.name}/recorder/itae', self._itae_taker(loop.name))
-
-    def wait_until_ready(self) -> None:
-        """Wait until every node is there and every topic has its readers."""
-        end = time.monotonic() + READY_TIME
-        while missing := self._missing():
-            _check(self.loops)
-            if time.monotonic() > end:
-                raise GraphError(f'after {READY_TIME:g} s there is still no {missing}')
-            spin_for(self._executor, 0.05)
-        spin_for(self._executor, SETTLE_TIME)
-
-    def enable(self) -> None:
-        """Close all loops at the same moment."""
-        self._call(self._enable, SetBool.Request(data=True))
-
-    def follow(self, duration: float, retunes: list[Retune], progress: Progress) -> None:
-        """Watch the run for ``duration`` seconds, retuning when it is time."""
-        begin = time.monotonic()
-        while (now := time.monotonic() - begin) < duration:
-            _check(self.loops)
-            if retunes and retunes[0].time <= now:
-                self._retune(retunes.pop(0))
-            progress(now, self.itae)
-            spin_for(self._executor, 0.05)
-
-    def wait_until_recorded(self) -> None:
-        """Wait for the recorders' summaries and one more report of the controllers."""
-        end = time.monotonic() + ANSWER_TIME
-        while not all((loop.run_folder() / SUMMARY).exists() for loop in self.loops):
-            _check(self.loops)
-            if time.monotonic() > end:
-                raise GraphError('the recorders did not end their runs')
-            spin_for(self._executor, 0.05)
-        spin_for(self._executor, 1.1)
-
-    def counted(self, loop: Loop) -> dict[str, float]:
-        """Return the periods, missed ones and latencies of a controller since it took over."""
-        name = f'/{loop.name}/controller'
-        first, last = self.at_start.get(name, {}), self.diagnostics.get(name, {})
-        counts = {
-            key: float(last[key]) - float(first.get(key, '0'))
-            for key in ('periods', 'missed_periods')
-            if key in last
-        }
-        return counts | {k: float(v) for k, v in last.items() if k.startswith('latency')}
-
-    def _missing(self) -> str:
-        for loop in self.loops:
-            for topic, (_, names) in expected_readers(loop.settings, lockstep=False).items():
-                full = f'/{loop.name}/{topic}'
-                there = {i.node_name for i in self._node.get_subscriptions_info_by_topic(full)}
-                for name in names:
-                    if name not in there:
-                        return f'reader {name} of {full}'
-            for client in (self._enable[loop.name], self._set[loop.name]):
-                if not client.service_is_ready():
-                    return f'service {client.srv_name}'
-        return ''
-
-    def _retune(self, retune: Retune) -> None:
-        parameters: list[ParameterMessage] = [
-            Parameter(
-                key, value=list(value) if isinstance(value, tuple) else value
-            ).to_parameter_msg()
-            for key, value in retune.settings.items()
-        ]
-        for name, response in self._call(
-            self._set, SetParameters.Request(parameters=parameters)
-        ).items():
-            for result in response.results:
-                if not result.successful:
-                    raise GraphError(f'/{name}/controller refused the retune: {result.reason}')
-
-    def _call(self, clients: dict[str, Any], request: Any) -> dict[str, Any]:
-        """Send one request to all at once and return the answers."""
-        futures = {name: client.call_async(request) for name, client in clients.items()}
-        end = time.monotonic() + ANSWER_TIME
-        while not all(future.done() for future in futures.values()):
-            _check(self.loops)
-            if time.monotonic() > end:
-                late = ', '.join(name for name, future in futures.items() if not future.done())
-                raise GraphError(f'no answer from the controller of {late}')
-            spin_for(self._executor, 0.01)
-        return {name: future.result() for name, future in futures.items()}
-
-    def _on_diagnostics(self, array: DiagnosticArray) -> None:
-        for status in array.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self.diagnostics[status.name] = values
-            if values.get('mode') == 'ok':  # a change of mode is reported at once
-                self.at_start.setdefault(status.name, values)
-
-    def _itae_taker(self, name: str) -> Any:
-        def take(value: float, _: object) -> None:
-            self.itae[name] = value
-
-        return take
 
 
 @contextmanager
@@ -243,12 +102,6 @@ def _loops(
             loop.stop()
         signal.signal(signal.SIGINT, interrupt)
         signal.signal(signal.SIGTERM, before)
-
-
-def _check(loops: list[Loop]) -> None:
-    for loop in loops:
-        if failure := loop.failure():
-            raise GraphError(failure)
 
 
 def _collect(loop: Loop, diagnostics: dict[str, float]) -> Run:

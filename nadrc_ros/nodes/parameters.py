@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any, Generic, TypeVar
 
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import Declared
-from nadrc_ros.scenario.errors import ScenarioError
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -78,7 +77,7 @@ class ParameterGroup(Generic[T]):
         try:
             if changes:
                 self._make({**self._values, **changes})
-        except (SettingError, ScenarioError) as error:
+        except UserError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

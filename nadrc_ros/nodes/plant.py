@@ -68,9 +68,7 @@ class PlantNode(LiveNode):
         self.pacing = ParameterGroup(
             self, declared(PacingSettings), lambda values: build(PacingSettings, values)
         ).value
-        self._group = ParameterGroup(
-            self, declared(PlantSettings), lambda values: build(PlantSettings, values)
-        )
+        self._group = ParameterGroup(self, declared(PlantSettings), self._settings)
         settings = self._group.value
         self._plants = ParameterGroup(
             self,
@@ -119,6 +117,18 @@ class PlantNode(LiveNode):
             receive(self, 'command', self._on_command)
             self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
         self.diagnostics = Diagnostics(self, self._report)
+
+    def _settings(self, values: dict[str, Any]) -> PlantSettings:
+        """Make settings that also fit the rate."""
+        settings = build(PlantSettings, values)
+        shortest = 2.0 * self.pacing.period
+        if 0.0 < settings.command_timeout < shortest:
+            raise SettingError(
+                'command_timeout',
+                settings.command_timeout,
+                f'0 (off) or at least two periods, {shortest:g} s',
+            )
+        return settings
 
     def _make_plant(self, values: dict[str, Any]) -> Plant:
         settings = self._group.value

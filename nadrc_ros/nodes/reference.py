@@ -12,11 +12,9 @@ from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import PacingSettings, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
-from nadrc_ros.nodes.topics import receive, Sender
+from nadrc_ros.nodes.topics import receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.simulation.experiment import sample_reference
 from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
-
-TOPICS = ('reference', 'reference/rate', 'reference/acceleration')
 
 
 @attrs.frozen(kw_only=True)
@@ -50,9 +48,9 @@ class ReferenceNode(LiveNode):
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
             self.lockstep.input('measurement')
-            self._senders = [self.lockstep.output(topic) for topic in TOPICS]
+            self._senders = [self.lockstep.output(topic) for topic in REFERENCE_TOPICS]
         else:
-            self._senders = [Sender(self, topic) for topic in TOPICS]
+            self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
             receive(self, 'command', lambda value, info: self._start())
             self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
         self.diagnostics = Diagnostics(self, self._report)

@@ -10,13 +10,12 @@ import time
 import traceback
 from typing import Any
 
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.nodes.parameters import (
     name_odd_type,
     refuse_undeclared,
     refuse_unknown_types,
 )
-from nadrc_ros.scenario.errors import ScenarioError
 import rclpy
 from rclpy.exceptions import (
     InvalidParameterException,
@@ -33,8 +32,7 @@ from rclpy.task import Future
 POLL = 0.05
 STOP_TIME = 0.5
 BAD_START = (
-    SettingError,
-    ScenarioError,
+    UserError,
     InvalidParameterException,
     InvalidParameterTypeException,
     InvalidParameterValueException,

@@ -6,8 +6,11 @@ from nadrc_ros.nodes.topics import Info
 
 # A source stamp this far after the receipt is from the future: clocks of one machine agree better.
 FUTURE = 1_000_000
-# A gap of the source that exceeds the gap of the receipts by this much is a jump of its clock.
+# A source stamp this far back is a jump of its clock, or a publisher on another machine.
 JUMP = 100_000_000
+# So is a gap of the source that exceeds that of the receipts by this, or by some periods.
+LATE = 10_000_000
+LATE_PERIODS = 5
 
 
 class SampleTimes:
@@ -31,6 +34,8 @@ class SampleTimes:
     def __init__(self, period: float, stamped: bool = True) -> None:
         self.from_future = 0
         self.clock_jumps = 0
+        self.out_of_order = 0
+        self._late = max(LATE, int(LATE_PERIODS * period * 1e9))
         self._period = period
         self._stamped = stamped
         self._seen: int | None = None
@@ -55,9 +60,11 @@ class SampleTimes:
         source, receipt = stamp - self._last[0], now - self._last[1]
         if not self._stamped:
             source = receipt
+        if number is not None and number <= (self._last[2] or 0):
+            self.out_of_order += 1
         goes_on = _follows(number, seen, self._last[2], source < -JUMP)
         backward = source <= 0 if self._stamped else source < 0
-        if goes_on and (backward or source > receipt + JUMP):
+        if goes_on and (backward or source > receipt + self._late):
             self.clock_jumps += 1
             source = max(0, receipt)
         elif source <= 0:

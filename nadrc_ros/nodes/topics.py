@@ -18,6 +18,8 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import Float64
 
+# The reference and its derivatives, REFERENCE_DERIVATIVES of them.
+REFERENCE_TOPICS = ('reference', 'reference/rate', 'reference/acceleration')
 Info = dict[str, Any]
 # Untimed, the wait takes seconds with a live reader.
 LAST_WAIT = Duration(seconds=0.1)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from nadrc_ros.adrc.errors import UserError
 
-class ScenarioError(ValueError):
+
+class ScenarioError(UserError):
     """
     A scenario cannot be read, lacks a key, or brings a plant whose code fails.
 

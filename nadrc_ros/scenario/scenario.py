@@ -74,7 +74,7 @@ class Scenario:
     def __attrs_post_init__(self) -> None:
         plant = self.plant.make()
         object.__setattr__(self, 'initial_state', _checked_state(plant, self.initial_state))
-        _check_controllers(plant, self.controllers)
+        _check_controllers(plant, self.controllers, self.rate)
         steps = self._experiment(plant).steps
         retunes = _checked_retunes(self.retunes, self.controllers, (steps - 1) / self.rate)
         object.__setattr__(self, 'retunes', retunes)
@@ -146,7 +146,9 @@ def _checked_state(plant: Plant, state: Any) -> tuple[float, ...]:
     raise SettingError('plant.initial_state', state, f'a list of {plant.states} finite numbers')
 
 
-def _check_controllers(plant: Plant, controllers: dict[str, ControllerSettings]) -> None:
+def _check_controllers(
+    plant: Plant, controllers: dict[str, ControllerSettings], rate: float
+) -> None:
     if not controllers:
         raise ScenarioError('there is no controller: controllers needs at least one')
     for name, settings in controllers.items():
@@ -157,6 +159,10 @@ def _check_controllers(plant: Plant, controllers: dict[str, ControllerSettings])
                 settings.plant_order,
                 f'{plant.order}, the order of the plant',
             )
+        try:
+            settings.check_rate(rate)
+        except SettingError as error:
+            raise error.inside(f'controllers.{name}') from None
 
 
 def check_controller_name(name: object) -> None:

@@ -195,7 +195,3 @@ class Metrics:
     def values(self) -> MetricValues:
         """Return the figures of merit so far."""
         return metric_values(self._acc)
-
-    def reset(self) -> None:
-        """Start again from nothing."""
-        self._acc = [0.0] * SIZE

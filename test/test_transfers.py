@@ -1,0 +1,99 @@
+"""What comes after the first sample of a transfer: enabling, restarting, losing the reference."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from law_helpers import Chain
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.status import Status
+import pytest
+
+H = 0.01
+NAN = float('nan')
+
+
+@pytest.mark.parametrize('acceleration', (0.0, 5.0))
+@pytest.mark.parametrize('error_based', (False, True))
+def test_p11_enabling_without_a_reference_stays_where_it_is(
+    error_based: bool, acceleration: float
+) -> None:
+    """The first measurement was elsewhere; what counts is where the plant rests now."""
+    controller = Controller(
+        ControllerSettings(error_based=error_based, tracking_acceleration=acceleration),
+        enabled=False,
+    )
+    controller.tick(0.0, H)
+    for _ in range(400):
+        controller.tick(1.0, H)
+    controller.enabled = True
+    commands = [controller.tick(1.0, H) for _ in range(50)]
+    assert controller.reference == [1.0, 0.0, 0.0]
+    assert commands == pytest.approx([0.0] * 50, abs=1e-4)
+
+
+@pytest.mark.parametrize('glitch', (10.0, 1e3, 1e6))
+@pytest.mark.parametrize('at', (0, 400))
+def test_p04_a_bad_sample_at_a_transfer_does_not_wind_the_offset_up(
+    glitch: float, at: int
+) -> None:
+    """At rest in the origin, one wild but finite sample; the plant stays near and settles."""
+    controller = Controller(
+        ControllerSettings(
+            inner_bandwidth=12.0, outer_bandwidth=12.0, command_min=-20.0, command_max=20.0
+        ),
+        enabled=at == 0,
+    )
+    chain, largest = Chain(2), 0.0
+    for k in range(1500):
+        controller.enabled = controller.enabled or k == at
+        y = glitch if k == at else chain.y
+        chain.advance(controller.tick(y, H, reference=[0.0]), H)
+        largest = max(largest, abs(chain.y))
+    size = max(1.0, abs(glitch)) ** 0.25  # the observers forget in about log(glitch) / w seconds
+    assert largest < 2.0 * size
+    assert abs(chain.y) < 0.01
+
+
+def test_a_reference_that_dies_loses_its_derivatives_without_a_bump() -> None:
+    """Held at its last value the reference stands still, whatever its last rate was."""
+    controller = Controller(ControllerSettings(max_dt=0.1))
+    chain = Chain(2)
+    commands = []
+    for k in range(1200):
+        known = [0.5 * k * H, 0.5] if k <= 400 else None
+        commands.append(controller.tick(chain.y, H, reference=known))
+        chain.advance(commands[-1], H)
+    assert chain.y == pytest.approx(0.5 * 400 * H, abs=1e-3)
+    steps = [abs(b - a) for a, b in pairwise(commands[380:])]
+    assert max(steps) < 0.5  # the lost rate alone is worth 2 wc r' = 4
+
+
+def test_p07_the_hold_of_a_lost_reference_begins_without_a_bump() -> None:
+    settings = ControllerSettings(reference_timeout=0.1, hold_time=1.0, inner_bandwidth=80.0)
+    controller, chain, commands = Controller(settings), Chain(2), []
+    for k in range(300):
+        reference = [k * H, 1.0, 0.0] if k < 200 else None
+        commands.append(controller.tick(chain.y, H, reference=reference))
+        chain.advance(commands[-1], H)
+    steps = [abs(b - a) for a, b in pairwise(commands[190:])]
+    assert max(steps) < 1.0  # dropped at once, r' = 1 would be worth 2 wc = 8
+
+
+def test_the_last_pole_ratio_counts_for_the_rest() -> None:
+    """So that a change of structure is never trapped by a list of the wrong length."""
+    for ratios in ((1.0,), (1.0, 2.0), (1.0, 2.0, 3.0, 4.0, 5.0)):
+        for structure in ('conventional', 'generalized'):
+            settings = ControllerSettings(structure=structure, pole_ratios=ratios)
+            used = Controller(settings).design.pole_ratios
+            assert used == [*ratios, *[ratios[-1]] * 5][: len(used)]
+
+
+def test_p04_an_absurd_sample_is_no_sample() -> None:
+    controller = Controller(ControllerSettings())
+    controller.tick(0.0, H, reference=[0.0])
+    controller.tick(1e15, H)
+    assert controller.status == Status.NO_MEASUREMENT
+    controller.tick(NAN, H)
+    assert controller.status == Status.NO_MEASUREMENT
