@@ -43,6 +43,9 @@ class Section:
     check
         ``check(result)`` returns a sentence for each number out of the tolerance that the section
         declares, none if all is well.
+    quick
+        The same measurement on a smaller scale, of the same form, for a first look in a few
+        seconds; None where ``measure`` is quick already. Its result is not checked.
 
     """
 
@@ -51,3 +54,4 @@ class Section:
     measure: Callable[[Tell, int], Result]
     figures: Callable[[Result], dict[str, Figure]] = no_figures
     check: Callable[[Result], list[str]] = no_check
+    quick: Callable[[Tell, int], Result] | None = None
