@@ -202,19 +202,13 @@ class ControllerNode(LiveNode):
         command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
         resting = quiet and controller.quiet and self._sent in (None, command)
         if not resting or self.lockstep is not None:
-            self._send(self._command, command)
+            self._command.send(command)
             self._sent = command
         self._send_estimates()
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
         if self._shown != (controller.mode, controller.cause):
             self._announce()
-
-    def _send(self, sender: Sender, value: float) -> None:
-        if self.lockstep is None:
-            sender.send(value)
-        else:
-            self.lockstep.send(sender, value)
 
     def _make_estimate_senders(self) -> None:
         """Add the senders that are missing; none is ever destroyed while the node runs."""
@@ -234,7 +228,7 @@ class ControllerNode(LiveNode):
         values = [controller.tracking, controller.output_estimate, controller.total_disturbance]
         for sender, value in zip(self._senders.values(), [*values, *disturbances]):
             if isfinite(value):
-                self._send(sender, value)
+                sender.send(value)
 
     # ---- what it says of itself ----
 
@@ -255,6 +249,8 @@ class ControllerNode(LiveNode):
             'enabled': controller.enabled,
             'mode': controller.mode.name.lower(),
             'cause': controller.cause.name.lower(),
+            'measurement_age': controller.watch.measurement_age,
+            'reference_age': controller.watch.reference_age,
         }
         if self.lockstep is None:
             values |= {

@@ -18,6 +18,28 @@ PublishError = RuntimeError
 BROKEN_OFF_WAIT = 0.1
 
 
+class LockstepSender(Sender):
+    """A sender that waits for a reader whose history is full, and fails its node in the end."""
+
+    def __init__(self, node: LiveNode, topic: str, timeout: float) -> None:
+        super().__init__(node, topic, LOCKSTEP_SEND)
+        self._node = node
+        self._timeout = timeout
+
+    def send(self, value: float) -> None:
+        """Publish ``value``."""
+        end = time.monotonic() + self._timeout
+        while not self._node.told_to_stop:
+            try:
+                super().send(value)
+                return
+            except PublishError as error:
+                if time.monotonic() > end:
+                    self._node.fail(f'{self.topic}: a reader does not keep up ({error})')
+                    return
+                time.sleep(0.001)
+
+
 class Lockstep:
     """
     Fires its node once per complete set of input samples.
@@ -71,24 +93,9 @@ class Lockstep:
 
     def output(self, topic: str) -> Sender:
         """Add an output."""
-        sender = Sender(self._node, topic, LOCKSTEP_SEND)
+        sender = LockstepSender(self._node, topic, self._pacing.lockstep_timeout)
         self._senders.append(sender)
         return sender
-
-    def send(self, sender: Sender, value: float) -> None:
-        """Publish, waiting for a slow reader whose history is full."""
-        end = time.monotonic() + self._pacing.lockstep_timeout
-        while True:
-            try:
-                sender.send(value)
-                return
-            except PublishError as error:
-                if self._node.told_to_stop:
-                    return
-                if time.monotonic() > end:
-                    self._node.fail(f'{sender.topic}: a reader does not keep up ({error})')
-                    return
-                time.sleep(0.001)
 
     @property
     def complete(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 import time
 from typing import Any
 
@@ -57,7 +58,7 @@ class Operator:
             receive(self._node, f'/{loop.name}/recorder/itae', self._itae_taker(loop.name))
 
     def wait_until_ready(self) -> None:
-        """Wait until every node is there and every topic has its readers."""
+        """Wait until every node is there, every topic has its readers, and these hear it."""
         end = time.monotonic() + READY_TIME
         while missing := self._missing():
             check(self.loops)
@@ -119,6 +120,13 @@ class Operator:
                 for name in names:
                     if name not in there:
                         return f'reader {name} of {full}'
+            heard = self.diagnostics.get(f'/{loop.name}/controller', {})
+            for signal in ('measurement', 'reference'):
+                if not isfinite(float(heard.get(f'{signal}_age', 'inf'))):
+                    return f'{signal} at /{loop.name}/controller'
+            waiting = self.diagnostics.get(f'/{loop.name}/recorder', {}).get('waiting_for', 'all')
+            if not {'all', 'measurement', 'reference', 'output'}.isdisjoint(waiting.split()):
+                return f'signals at /{loop.name}/recorder'
             for client in (self._enable[loop.name], self._set[loop.name]):
                 if not client.service_is_ready():
                     return f'service {client.srv_name}'

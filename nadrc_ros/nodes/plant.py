@@ -173,7 +173,7 @@ class PlantNode(LiveNode):
             self._send_sample()
 
     def _advance(self, command: float) -> None:
-        self._send(self._truth, self.process.total_disturbance(command))
+        self._truth.send(self.process.total_disturbance(command))
         if not self.process.advance(command) and not self._diverged:
             self._diverged = True
             self.get_logger().error(
@@ -182,14 +182,8 @@ class PlantNode(LiveNode):
             )
 
     def _send_sample(self) -> None:
-        self._send(self._measurement, self.process.measurement)
-        self._send(self._output, self.process.output)
-
-    def _send(self, sender: Sender, value: float) -> None:
-        if self.lockstep is None:
-            sender.send(value)
-        else:
-            self.lockstep.send(sender, value)
+        self._measurement.send(self.process.measurement)
+        self._output.send(self.process.output)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         values: dict[str, object] = {

@@ -269,7 +269,13 @@ class RecorderNode(LiveNode):
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         lost = sum(self.lost.values())
-        values = {'rows': self._rows, 'samples_lost': lost, 'folder': self.folder.path}
+        waiting = [name for name, value in self._latest.items() if value != value]
+        values = {
+            'rows': self._rows,
+            'samples_lost': lost,
+            'waiting_for': ' '.join(waiting),
+            'folder': self.folder.path,
+        }
         if lost:
             return WARN, f'{lost} samples lost', values
         return OK, 'recording' if self.recording else 'done', values

@@ -48,7 +48,7 @@ class ReferenceNode(LiveNode):
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
             self.lockstep.input('measurement')
-            self._senders = [self.lockstep.output(topic) for topic in REFERENCE_TOPICS]
+            self._senders: list[Sender] = [self.lockstep.output(t) for t in REFERENCE_TOPICS]
         else:
             self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
             receive(self, 'command', lambda value, info: self._start())
@@ -73,10 +73,7 @@ class ReferenceNode(LiveNode):
         values = sample_reference(self._signal.value, self.k, self.pacing.rate)
         # The derivatives first: a controller triggered by the reference then has all of them.
         for sender, value in zip(reversed(self._senders), reversed(values)):
-            if self.lockstep is None:
-                sender.send(value)
-            else:
-                self.lockstep.send(sender, value)
+            sender.send(value)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         values: dict[str, object] = {'time': self.k / self.pacing.rate}
