@@ -97,6 +97,20 @@ def test_the_transient_bound_holds_and_ends_in_the_limit(n: int) -> None:
     assert start == pytest.approx(np.zeros(n + 1))
 
 
+@pytest.mark.parametrize('n', (1, 2, 3))
+def test_the_exponent_of_the_transient_bound_is_the_slowest_decay_of_v(n: int) -> None:
+    """Along the eigenvector of lmax, -V/lmax is dV/dt; a printed exponent is w times too slow."""
+    w, t = 8.0, 1e-5
+    found = lyapunov(n)
+    eta = np.linalg.eigh(found.p)[1][:, -1]
+    error = (eta / w ** np.arange(n, -1.0, -1.0)).tolist()
+    first, later = (bounds.theorem_1_transient(at, n, w, 0.0, error) for at in (0.0, t))
+    a = scaled_error_matrix(n)
+    slope = eta @ found.p @ a @ eta / (eta @ found.p @ eta)  # of log sqrt(V), in the time w t
+    assert np.log(later / first) / (w * t) == pytest.approx([slope] * (n + 1), rel=1e-3)
+    assert slope == pytest.approx(-0.5 / found.largest)
+
+
 def errors(design: Design, rates: list[float], h: float) -> Array:
     """Return L - sum_k d_k at each tick, (ticks,); L has the given rate over each period."""
     n = design.order

@@ -112,23 +112,32 @@ def test_the_delay_margin_is_where_the_loop_breaks(structure: str, plant: StateS
     assert left == pytest.approx(delay - whole * H, rel=1e-6)
 
 
-def test_the_delay_margin_is_of_the_crossing_that_breaks_first() -> None:
-    """A resonance lifts |L| above 1 again, far above the crossover with the least phase."""
+@pytest.mark.parametrize(
+    ('resonance', 'sign', 'delay'), ((40.0, 1.0, 0.0), (80.0, -1.0, 0.01)), ids=('last', 'first')
+)
+def test_the_delay_margin_is_of_the_crossing_that_breaks_first(
+    resonance: float, sign: float, delay: float
+) -> None:
+    """
+    A resonance lifts |L| above 1 again, far above the crossover: once there, once not the first.
+
+    There the first of its two crossings is past -180 degrees, so that little less delay would
+    destabilise, but it takes nearly a turn more.
+    """
     a = np.zeros((4, 4))
     a[0, 1] = a[2, 3] = 1.0
-    a[3, 2:] = [-(40.0**2), -0.3]
-    plant = StateSpace(
-        a,
-        np.array([[0.0], [1.0], [0.0], [1.0]]),
-        np.array([[1.0, 0.0, 1.0, 0.0]]),
-        np.zeros((1, 1)),
-    )
+    a[3, 2:] = [-(resonance**2), -0.3]
+    b, c = [[0.0], [1.0], [0.0], [1.0]], [[1.0, 0.0, sign, 0.0]]
+    plant = StateSpace(a, np.array(b), np.array(c), np.zeros((1, 1)))
     design, h = design_of(inner_bandwidth=60.0, outer_bandwidth=40.0, levels=1), 0.001
-    found = margins(design, plant, h)
+    found = margins(design, plant, h, delay)
     assert found.crossover > 35.0
-    assert found.delay < found.phase / 20.0
-    assert loop_growth(design, plant, h, 0.97 * found.delay) < 1.0
-    assert loop_growth(design, plant, h, 1.03 * found.delay) > 1.0
+    if sign > 0.0:
+        assert found.delay < found.phase / 20.0
+    else:
+        assert found.delay > 5.0 * found.phase / found.crossover
+    assert loop_growth(design, plant, h, delay + 0.97 * found.delay) < 1.0
+    assert loop_growth(design, plant, h, delay + 1.03 * found.delay) > 1.0
 
 
 def test_margins_are_consistent() -> None:
