@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import copysign, pow
+from math import copysign
 
 from nadrc_ros.adrc.design import Design, Vector
 
@@ -15,8 +15,8 @@ def fal(e: float, alpha: float, delta: float) -> float:
     """
     magnitude = abs(e)
     if magnitude <= delta:
-        return e / pow(delta, 1.0 - alpha)
-    return copysign(pow(magnitude, alpha), e)
+        return e / float(delta ** (1.0 - alpha))
+    return copysign(magnitude**alpha, e)
 
 
 def feedback(design: Design, x: Vector, r: Vector) -> float:

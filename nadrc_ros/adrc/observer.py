@@ -14,7 +14,7 @@ Ad - L C Ad at z = exp(-ratio w_k h) (see ``gains``). The continuous counterpart
 
 from __future__ import annotations
 
-from math import expm1, pow
+from math import expm1
 
 from nadrc_ros.adrc.design import Design, Matrix
 
@@ -75,7 +75,7 @@ def update(
                     excess = abs(measurement - ahead) / design.eso_delta
             gain *= innovation
             if excess > 1.0:
-                gain *= pow(excess, exponent - 1.0)
+                gain *= float(excess ** (exponent - 1.0))
                 exponent *= 0.5
             z[i] = ahead + gain
             innovation *= per_row

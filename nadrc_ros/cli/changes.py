@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
     """Return the scenario with other values, and say which retunes are left out for that."""
     scenario = whole.changed(**options)
-    for retune in whole.retunes[len(scenario.retunes) :]:
+    for retune in whole.retunes:
+        if retune in scenario.retunes:
+            continue
         complain(f'the retune at {retune.time:g} s lies after the end and is left out')
     return scenario

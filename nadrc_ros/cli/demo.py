@@ -1,7 +1,6 @@
 """`nadrc demo`: a scenario as real processes on the ROS graph."""
 
 # ruff: noqa: UP045
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
@@ -81,19 +80,6 @@ def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console()
-    wait: Optional[Callable[[], None]] = None
-    if keep_open:
-
-        def wait() -> None:
-            import time
-
-            console.print('the nodes go on until Ctrl-C')
-            try:
-                while True:
-                    time.sleep(0.2)
-            except KeyboardInterrupt:
-                console.print('stopping')
-
     columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, TextColumn('{task.fields[itae]}'), console=console) as bar:
         task = bar.add_task('starting the nodes', total=scenario.duration, itae='')
@@ -104,9 +90,20 @@ def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str
                 task, completed=now, description='running', itae=f'ITAE {shown}' if shown else ''
             )
 
-        runs = run_realtime(scenario, out, progress, None if wait is None else wait)
+        runs = run_realtime(scenario, out, progress, _wait_for_ctrl_c if keep_open else None)
         bar.update(task, completed=scenario.duration, description='done')
     return runs
+
+
+def _wait_for_ctrl_c() -> None:
+    import time
+
+    typer.echo('the nodes go on until Ctrl-C')
+    try:
+        while True:
+            time.sleep(0.2)
+    except KeyboardInterrupt:
+        typer.echo('stopping')
 
 
 def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':

@@ -19,7 +19,7 @@ from nadrc_ros.nodes.pacing import PacingSettings, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
-from nadrc_ros.nodes.topics import Info, receive, REFERENCE_TOPICS, Sender
+from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
 from nadrc_ros.trace import TraceWriter
 from std_srvs.srv import SetBool, Trigger
 
@@ -72,7 +72,7 @@ class ControllerNode(LiveNode):
         self.controller = Controller(settings, enabled=loop.enabled_at_start)
         self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
 
-        derivatives = REFERENCE_TOPICS[1 : 1 + settings.received_derivatives]
+        derivatives = reference_topics(settings)[1:]
         self._reference = [nan] + [0.0] * len(derivatives)
         self._reference_heard = [0] * len(self._reference)
         self._referenced = False
@@ -90,8 +90,8 @@ class ControllerNode(LiveNode):
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
             for topic in inputs:
-                self.lockstep.input(topic)
-            self._command = self.lockstep.output('command')
+                self.lockstep.add_input(topic)
+            self._command = self.lockstep.add_output('command')
         else:
             self._command = Sender(self, 'command')
             receive(self, 'measurement', self._on_measurement)
@@ -210,6 +210,9 @@ class ControllerNode(LiveNode):
         if self._shown != (controller.mode, controller.cause):
             self._announce()
 
+    def _sender(self, topic: str) -> Sender:
+        return Sender(self, topic) if self.lockstep is None else self.lockstep.add_output(topic)
+
     def _make_estimate_senders(self) -> None:
         """Add the senders that are missing; none is ever destroyed while the node runs."""
         topics = ['~/tracking', '~/output_estimate', '~/total_disturbance']
@@ -217,7 +220,9 @@ class ControllerNode(LiveNode):
         for topic in topics:
             if topic not in self._senders:
                 self._senders[topic] = (
-                    Sender(self, topic) if self.lockstep is None else self.lockstep.output(topic)
+                    Sender(self, topic)
+                    if self.lockstep is None
+                    else self.lockstep.add_output(topic)
                 )
 
     def _send_estimates(self) -> None:

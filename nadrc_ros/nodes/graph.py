@@ -16,7 +16,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS, ESTIMATES
-from nadrc_ros.nodes.topics import REFERENCE_TOPICS
+from nadrc_ros.nodes.topics import reference_topics
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.simulation.signals import signal_fields
@@ -96,7 +96,7 @@ def expected_readers(
         'plant/total_disturbance': ('plant', ['recorder']),
     }
     topics[paced][1].append('reference')
-    for topic in REFERENCE_TOPICS[1 : 1 + settings.received_derivatives]:
+    for topic in reference_topics(settings)[1:]:
         topics[topic] = ('reference', ['controller'])
     for topic in ESTIMATES.values():
         topics[f'controller/{topic}'] = ('controller', ['recorder'])

@@ -80,7 +80,7 @@ class Lockstep:
             0.02, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
-    def input(self, topic: str) -> None:
+    def add_input(self, topic: str) -> None:
         """Add an input; samples are taken in the order in which inputs were added."""
         index = len(self._queues)
         self._queues.append(deque())
@@ -91,7 +91,7 @@ class Lockstep:
 
         self._topics.append(receive(self._node, topic, take, LOCKSTEP_RECEIVE))
 
-    def output(self, topic: str) -> Sender:
+    def add_output(self, topic: str) -> Sender:
         """Add an output."""
         sender = LockstepSender(self._node, topic, self._pacing.lockstep_timeout)
         self._senders.append(sender)

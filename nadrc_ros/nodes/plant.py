@@ -106,10 +106,10 @@ class PlantNode(LiveNode):
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
-            self.lockstep.input('command')
-            self._measurement = self.lockstep.output('measurement')
-            self._output = self.lockstep.output('~/output')
-            self._truth = self.lockstep.output('~/total_disturbance')
+            self.lockstep.add_input('command')
+            self._measurement = self.lockstep.add_output('measurement')
+            self._output = self.lockstep.add_output('~/output')
+            self._truth = self.lockstep.add_output('~/total_disturbance')
         else:
             self._measurement = Sender(self, 'measurement')
             self._output = Sender(self, '~/output')

@@ -121,7 +121,7 @@ class RecorderNode(LiveNode):
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
             for topic in topics.values():
-                self.lockstep.input(topic)
+                self.lockstep.add_input(topic)
         else:
             for name, topic in topics.items():
                 receive(self, topic, self._taker(name), RECORD)

@@ -47,8 +47,8 @@ class ReferenceNode(LiveNode):
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
-            self.lockstep.input('measurement')
-            self._senders: list[Sender] = [self.lockstep.output(t) for t in REFERENCE_TOPICS]
+            self.lockstep.add_input('measurement')
+            self._senders: list[Sender] = [self.lockstep.add_output(t) for t in REFERENCE_TOPICS]
         else:
             self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
             receive(self, 'command', lambda value, info: self._start())

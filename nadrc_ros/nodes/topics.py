@@ -6,6 +6,7 @@ from collections.abc import Callable
 import functools
 from typing import Any
 
+from nadrc_ros.adrc.settings import ControllerSettings
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -79,6 +80,12 @@ def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST)
     )
     name: str = subscription.topic_name
     return name
+
+
+def reference_topics(settings: ControllerSettings) -> tuple[str, ...]:
+    """Return the topics that a controller takes the reference and its derivatives from."""
+    count = 1 + settings.received_derivatives
+    return REFERENCE_TOPICS[:count]
 
 
 def _overridable(topic: str, qos: QoSProfile) -> QoSOverridingOptions | None:
