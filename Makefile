@@ -4,7 +4,7 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint build clean distclean
+.PHONY: help demo paper test lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
@@ -32,6 +32,10 @@ help: ## print this list
 demo: build ## run the nested controller against the plant on a live ROS graph (ARGS='--duration 4')
 	@$(ACTIVATE)
 	install/nadrc_ros/lib/nadrc_ros/nadrc demo $(ARGS)
+
+paper: build $(VENV)/dev ## measure every claim of the paper, write the article to out/paper (ARGS='--quick')
+	@$(ACTIVATE)
+	install/nadrc_ros/lib/nadrc_ros/nadrc paper $(ARGS)
 
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
