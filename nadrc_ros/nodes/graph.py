@@ -143,7 +143,7 @@ class Loop:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self) -> None:
-        """Start the nodes; what was started when this is interrupted is there to be stopped."""
+        """Start the nodes."""
         for node in NODES:
             self.processes[node] = self._start(node)
 

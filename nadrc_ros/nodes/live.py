@@ -92,7 +92,8 @@ def _loops(
     try:
         for name in names:
             loops.append(Loop(scenario, name, directory / name, lockstep))
-            loops[-1].start()
+            with _undisturbed():
+                loops[-1].start()
         yield loops
     finally:
         # A second Ctrl-C must not leave nodes behind.
@@ -102,6 +103,21 @@ def _loops(
             loop.stop()
         signal.signal(signal.SIGINT, interrupt)
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let a Ctrl-C or SIGTERM come after the block: a process just made must not go unnoticed."""
+    signals: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(n, lambda received, _: signals.append(received)) for n in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before):
+            signal.signal(number, handler)
+    if signals:
+        raise KeyboardInterrupt
 
 
 def _collect(loop: Loop, diagnostics: dict[str, float]) -> Run:
