@@ -270,10 +270,11 @@ class ControllerNode(LiveNode):
                 **self.latencies.summary(),
             }
         values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
-        if self.trace is not None and not self.trace.failure:
+        if self.trace is not None:
             self.trace.flush()
             if self.trace.failure:
                 self.get_logger().error(f'the trace ends: {self.trace.failure}')
+                self.trace = None
         level, message = LEVELS[controller.cause], _describe(controller.mode, controller.cause)
         if values.get('measurement_publishers', 1) not in (0, 1):
             level, message = max(level, WARN), f'{message}; several publishers of measurement'
