@@ -82,7 +82,7 @@ class Processes:
 
     def __init__(self, namespace: str, directory: Path) -> None:
         self.namespace = namespace
-        self._directory = directory
+        self.directory = directory
         self._all: list[NodeProcess] = []
 
     def __call__(
@@ -96,7 +96,7 @@ class Processes:
         """Run a node with these parameters, or with a parameter file."""
         name = f'{len(self._all)}_{node}'
         if file is None:
-            file = parameter_file(self._directory / f'{name}.yaml', {'/**': parameters})
+            file = parameter_file(self.directory / f'{name}.yaml', {'/**': parameters})
         return self.run(
             name,
             *('-m', f'nadrc_ros.nodes.{node}', '--ros-args'),
@@ -106,7 +106,7 @@ class Processes:
 
     def run(self, name: str, *arguments: str) -> NodeProcess:
         """Run Python with these arguments."""
-        process = NodeProcess([sys.executable, *arguments], self._directory / f'{name}.log')
+        process = NodeProcess([sys.executable, *arguments], self.directory / f'{name}.log')
         self._all.append(process)
         return process
 
@@ -174,6 +174,11 @@ class Probe:
             spin_for(self.executor, 0.005)
         return held
 
+    def end_of(self, process: NodeProcess) -> int:
+        """Spin until a process has ended and return its exit code."""
+        self.wait_until(lambda: not process.running)
+        return process.end()
+
     def listen(self, topic: str) -> Heard:
         """Return a list that grows with what is published on a topic; nothing is missed."""
         heard = Heard()
@@ -188,6 +193,11 @@ class Probe:
     def publisher(self, topic: str) -> Callable[[float], None]:
         publisher = self.node.create_publisher(Float64, topic, SEND)
         return lambda value: publisher.publish(Float64(data=value))
+
+    def nodes(self) -> list[str]:
+        """Return the names of the nodes in the namespace of the test."""
+        there = self.node.get_node_names_and_namespaces()
+        return [name for name, namespace in there if namespace == self.namespace]
 
     def readers(self, topic: str) -> list[str]:
         full = self.node.resolve_topic_name(topic)
@@ -205,6 +215,16 @@ class Probe:
 
     def enable(self, on: bool = True, node: str = 'controller') -> Any:
         return self.call(SetBool, f'{node}/enable', SetBool.Request(data=on))
+
+    def set_and_go(self, node: str, **values: Any) -> None:
+        """Set parameters without waiting for an answer."""
+        client = self.node.create_client(SetParameters, f'{node}/set_parameters')
+        self.wait_until(client.service_is_ready)
+        client.call_async(SetParameters.Request(parameters=_messages(values)))
+
+    def ask_to_enable(self) -> None:
+        """Ask without waiting for an answer, of a node whose service was called before."""
+        self._clients['controller/enable'].call_async(SetBool.Request(data=True))
 
     def trigger(self, service: str) -> Any:
         return self.call(Trigger, service, Trigger.Request())

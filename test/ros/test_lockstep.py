@@ -1,0 +1,153 @@
+"""Lockstep: the graph gives the bits of the simulation, and a broken run ends with a reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isnan
+from pathlib import Path
+import signal
+import time
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.structures import STRUCTURES
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.live import Run, run_lockstep
+from nadrc_ros.scenario import loads, Scenario
+from probe import PATIENCE, Probe, Processes
+
+LOCKSTEP: dict[str, Any] = {'pacing': 'lockstep', 'steps': 1_000_000}
+COLUMNS = {
+    'time',
+    'reference',
+    'measurement',
+    'command',
+    'output',
+    'total_disturbance',
+    'tracking',
+    'output_estimate',
+    'disturbance_estimate',
+}
+SCENARIO = """
+plant: {name: paper, a3: 0.2}
+reference: {signal: cosine, frequency: 0.5}
+disturbance: {signal: sine, frequency: 1.0}
+noise: {variance: 1e-4, sample_time: 0.01}
+seed: 3
+rate: 200
+duration: 10
+limits: {command_min: -8, command_max: 8}
+controllers:
+"""
+DIVERGING = """
+plant: {name: chain, order: 1, damping: -900}
+reference: constant
+noise: {variance: 1e-4}
+rate: 100
+duration: 1.5
+limits: {command_min: -8, command_max: 8}
+controllers: {nested: {}}
+"""
+
+
+def assert_same_bits(scenario: Scenario, name: str, run: Run) -> None:
+    offline = scenario.run(name)
+    recorded = dict(run.samples)
+    levels = [recorded.pop(f'level_{k + 1}') for k in range(offline.disturbances.shape[1])]
+    assert recorded.keys() == COLUMNS
+    for k, level in enumerate(levels):
+        assert same(level, offline.disturbances[:, k]), f'{name}: level {k + 1}'
+    for column, values in recorded.items():
+        assert same(values, getattr(offline, column)), f'{name}: {column}'
+    assert run.summary['metrics'] == attrs.asdict(offline.metrics)
+    assert run.summary['complete']
+    assert run.summary['samples_lost'] == 0
+
+
+def same(graph: list[float], offline: Any) -> bool:
+    """Compare bit for bit; every nan is the same one here."""
+    return [float(x).hex() for x in graph] == [float(x).hex() for x in offline]
+
+
+def test_p18_the_graph_gives_the_bits_of_the_simulation(tmp_path: Path) -> None:
+    controllers = [
+        f'  {name}: {{structure: {name}, inner_bandwidth: 20, outer_bandwidth: 10, levels: 3}}\n'
+        for name in STRUCTURES
+    ]
+    scenario = loads(SCENARIO + ''.join(controllers))
+    begin = time.monotonic()
+    runs = run_lockstep(scenario, tmp_path, lambda name: None)
+    seconds = time.monotonic() - begin
+    assert runs.keys() == STRUCTURES.keys()
+    for name, run in runs.items():
+        assert run.summary['rows'] == 2000
+        assert_same_bits(scenario, name, run)
+    # that the runs were worth comparing: noise is on, and the limits act
+    assert len(set(runs['nested'].samples['measurement'])) > 900
+    assert any(run.summary['metrics']['saturated_fraction'] > 0.0 for run in runs.values())
+    print(f'{len(runs) * 2000 / seconds:.0f} steps/s with the starts of all nodes')
+
+
+def test_p18_also_when_the_plant_diverges(tmp_path: Path) -> None:
+    scenario = loads(DIVERGING)
+    runs = run_lockstep(scenario, tmp_path, lambda name: None)
+    assert isnan(runs['nested'].samples['output'][-1])
+    assert_same_bits(scenario, 'nested', runs['nested'])
+
+
+def test_a_missing_reader_ends_the_start_by_name(start: Processes, namespace: str) -> None:
+    readers = 'command: plant recorder'
+    process = start('controller', **LOCKSTEP, readers=readers, start_timeout=1.0)
+    assert process.end() == 1
+    assert f'{namespace}/command has no reader plant' in process.said
+    assert f'{namespace}/command has no reader recorder' in process.said
+    assert 'Traceback' not in process.said
+
+
+def test_a_silent_input_ends_the_run_by_name(start: Processes, namespace: str) -> None:
+    patience: dict[str, Any] = {'lockstep_timeout': 4.0}
+    process = start('controller', **LOCKSTEP, **patience)
+    plant = start('plant', **LOCKSTEP, **patience, readers='measurement: controller')
+    assert process.end() == plant.end() == 1
+    assert f'{namespace}/reference' in process.said
+    assert f'{namespace}/measurement' not in process.said  # the plant did send its first
+    assert 'no sample 1 for 4 s' in process.said
+    # the controller said safe as its last, and the plant took it
+    assert f'{namespace}/command: no sample 2 for 4 s' in plant.said
+    assert 'Traceback' not in process.said + plant.said
+
+
+def test_a_lost_sample_ends_the_run_by_topic_and_number(
+    make_probe: Callable[..., Probe], namespace: str
+) -> None:
+    probe = make_probe(parameters={'controller': LOCKSTEP})
+    publish = probe.publisher('measurement')
+    publish(0.0)  # number 1: the controller is not there yet
+    controller = probe.add(ControllerNode())
+    probe.wait_until(lambda: probe.readers('measurement'))
+    publish(0.0)
+    probe.wait_until(lambda: controller.finished)
+    assert controller.failure == f'{namespace}/measurement: sample 1 is missing, 2 came'
+
+
+def test_p14_interrupted_among_dead_peers_a_node_ends_at_once_at_safe(
+    probe: Probe, start: Processes
+) -> None:
+    commands = probe.listen('command')
+    safe: dict[str, Any] = {'safe_command': 1.5}
+    controller = start('controller', **LOCKSTEP, **safe, readers='command: plant probe')
+    derivatives = 'reference/rate: controller; reference/acceleration: controller'
+    peers = [
+        start('plant', **LOCKSTEP, readers='measurement: controller reference'),
+        start('reference', **LOCKSTEP, readers='reference: controller; ' + derivatives),
+    ]
+    probe.wait_until(lambda: len(commands) > 100)
+    for peer in peers:
+        peer.popen.kill()
+        peer.end()
+    begin = controller.signal(signal.SIGTERM)
+    assert probe.end_of(controller) == 0
+    seconds = time.monotonic() - begin
+    assert seconds < 3.0
+    probe.wait_until(lambda: commands[-1] == 1.5, PATIENCE)
+    assert commands.numbers == list(range(1, len(commands) + 1))

@@ -1,0 +1,124 @@
+"""The time that a sample spans, from what the middleware says of it."""
+
+from __future__ import annotations
+
+from nadrc_ros.nodes.stamps import SampleTimes
+import pytest
+
+MS = 1_000_000
+PERIOD = 0.005
+START = 1_700_000_000_000 * MS
+
+
+class Line:
+    """Samples on their way: sent at a time, received a little later."""
+
+    def __init__(self, stamped: bool = True) -> None:
+        self.times = SampleTimes(PERIOD, stamped)
+
+    def span(
+        self,
+        number: int | None,
+        sent: float,
+        *,
+        clock: float = 0.0,
+        delay: float = 0.2,
+        now: float | None = None,
+    ) -> float:
+        """Return what spans [ms]: sent, offset of both clocks, delay, own clock in ms."""
+        stamp = START + round((sent + clock) * MS)
+        info = {
+            'source_timestamp': stamp,
+            'received_timestamp': stamp + round(delay * MS),
+            'publication_sequence_number': number,
+        }
+        own = sent + delay if now is None else now
+        return 1e3 * self.times.span(info, round(own * MS))
+
+
+def test_the_first_sample_spans_a_period_and_the_next_what_the_source_says() -> None:
+    line = Line()
+    assert line.span(1, 0.0) == 5.0
+    assert line.span(2, 5.0, delay=3.0) == pytest.approx(5.0)  # free of the jitter of transport
+    assert line.span(3, 11.0, delay=0.1) == pytest.approx(6.0)
+    assert line.span(6, 26.0) == pytest.approx(15.0)  # across lost ones
+    assert (line.times.from_future, line.times.clock_jumps) == (0, 0)
+
+
+def test_p09_a_stamp_from_the_future_is_counted_and_the_receipt_used() -> None:
+    line = Line()
+    line.span(1, 0.0)
+    assert line.span(2, 5.0, clock=3_600_000.0, delay=-3_600_000.0 + 0.2, now=5.2) == (
+        pytest.approx(5.2)
+    )
+    assert line.times.from_future == 1
+    assert line.span(3, 10.0) == pytest.approx(4.8)
+    assert line.times.clock_jumps == 0
+
+
+def test_p09_duplicates_and_reordered_samples_span_nothing_and_shift_nothing() -> None:
+    line = Line()
+    line.span(1, 0.0)
+    line.span(3, 10.0)
+    assert line.span(3, 10.0, now=12.0) <= 0.0
+    assert line.span(2, 5.0, now=13.0) <= 0.0
+    assert line.span(4, 15.0) == pytest.approx(5.0)
+    assert line.times.clock_jumps == 0
+
+
+def test_p09_a_late_duplicate_is_no_new_sample() -> None:
+    line = Line()
+    for number in range(1, 101):
+        line.span(number, 5.0 * number)
+    assert line.span(10, 50.0, now=501.0) <= 0.0
+    assert line.span(101, 505.0) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize('jump', [-3_600_000.0, -2.0, -5.0, 3_600_000.0, 200.0])
+def test_p10_a_clock_jump_is_counted_and_the_receipts_used(jump: float) -> None:
+    line = Line()
+    line.span(1, 0.0)
+    line.span(2, 5.0)
+    expected = 5.0 if jump != -2.0 else 3.0  # too small to be told from jitter
+    assert line.span(3, 10.0, clock=jump) == pytest.approx(expected)
+    assert line.times.clock_jumps == (jump != -2.0)
+    assert line.span(4, 15.0, clock=jump) == pytest.approx(5.0)
+    assert line.times.clock_jumps == (jump != -2.0)
+
+
+def test_a_restarted_publisher_is_followed() -> None:
+    line = Line()
+    for number in range(1, 101):
+        line.span(number, 5.0 * number)
+    assert line.span(1, 700.0) == pytest.approx(200.0)
+    assert line.span(2, 705.0) == pytest.approx(5.0)
+
+
+def test_a_publisher_restarted_behind_its_old_clock_is_followed_from_its_second_sample() -> None:
+    line = Line()
+    for number in range(1, 101):
+        line.span(number, 5.0 * number)
+    assert line.span(1, 700.0, clock=-10_000.0) <= 0.0
+    assert line.span(2, 705.0, clock=-10_000.0) == pytest.approx(205.0)
+    assert line.span(3, 710.0, clock=-10_000.0) == pytest.approx(5.0)
+    assert line.times.clock_jumps == 1
+
+
+def test_without_publication_numbers_a_clock_jump_does_not_poison() -> None:
+    line = Line()
+    line.span(None, 0.0)
+    assert line.span(None, 5.0) == pytest.approx(5.0)
+    assert line.span(None, 5.0, now=6.0) <= 0.0
+    assert line.span(None, 10.0, clock=-10_000.0) == pytest.approx(5.0)
+    assert line.span(None, 15.0, clock=-10_000.0) == pytest.approx(5.0)
+
+
+def test_simulated_time_counts_receipts_and_a_step_back_costs_one_sample() -> None:
+    line = Line(stamped=False)
+    line.span(1, 0.0, now=1000.0)
+    assert line.span(2, 1.0, now=1005.0) == pytest.approx(5.0)
+    assert line.span(3, 2.0, now=1005.0) == 0.0  # the clock did not tick in between
+    assert line.span(4, 3.0, now=1010.0) == pytest.approx(5.0)
+    assert line.span(5, 4.0, now=10.0) == 0.0
+    assert line.times.clock_jumps == 1
+    assert line.span(6, 5.0, now=15.0) == pytest.approx(5.0)
