@@ -1,0 +1,135 @@
+"""However the controller ends, safe is the last that is heard of it."""
+
+from __future__ import annotations
+
+import signal
+import time
+from typing import Any
+
+from probe import INTERRUPTS, NodeProcess, parameter_file, Probe, Processes
+import pytest
+
+CONTROL: dict[str, Any] = {
+    'rate': 100.0,
+    'plant_order': 1,
+    'b0': 1.0,
+    'safe_command': 1.5,
+    'command_rate_limit': 100.0,
+}
+# keeps a command of -5 from 0
+PLANT: dict[str, Any] = {
+    'rate': 100.0,
+    'plant': 'chain',
+    'order': 1,
+    'damping': 0.0,
+    'disturbance': 'constant',
+    'disturbance_offset': 5.0,
+}
+BROKEN = """
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.runtime import run
+
+class Broken(ControllerNode):
+    def _send_estimates(self):
+        super()._send_estimates()
+        if self.controller.settings.good_samples == 7:
+            raise ZeroDivisionError('on purpose')
+
+raise SystemExit(run(Broken))
+"""
+# Slack for a machine that has other things to do; promised is 1 s.
+SLACK = 3.0
+
+
+def run_loop(probe: Probe, start: Processes, **settings: float) -> tuple[list[float], NodeProcess]:
+    commands = probe.listen('command')
+    start('plant', **PLANT)
+    controller = start('controller', **CONTROL | settings)
+    probe.wait_until(lambda: commands and abs(commands[-1] + 5.0) < 0.2)
+    return commands, controller
+
+
+@pytest.mark.parametrize('number', INTERRUPTS)
+def test_p14_a_signal_ends_with_the_safe_command(
+    number: int, probe: Probe, start: Processes
+) -> None:
+    commands, controller = run_loop(probe, start)
+    n = len(commands)
+    begin = controller.signal(number)
+    assert probe.end_of(controller) == 0
+    seconds = time.monotonic() - begin
+    print(f'ended {seconds:.2f} s after signal {number}')
+    assert seconds < SLACK
+    probe.wait_until(lambda: commands[-1] == 1.5)
+    # down the ramp, not in one step
+    assert len([command for command in commands[n:] if -5.5 < command < 1.5]) >= 3
+    assert 'Traceback' not in controller.said
+
+
+def test_p14_a_ramp_too_long_is_cut_short_and_further_signals_change_nothing(
+    probe: Probe, start: Processes
+) -> None:
+    commands, controller = run_loop(probe, start)
+    assert probe.set('controller', command_rate_limit=0.5) == ['']
+    assert probe.enable().success
+    begin = controller.signal(signal.SIGTERM)
+    for number in (*INTERRUPTS, *INTERRUPTS):
+        probe.spin(0.05)
+        controller.signal(number)
+    probe.ask_to_enable()  # too late: it is refused, or not answered
+    assert probe.end_of(controller) == 0
+    assert time.monotonic() - begin < SLACK
+    probe.wait_until(lambda: commands[-1] == 1.5)
+    assert commands[-2] < -3.0
+    assert 'Traceback' not in controller.said
+
+
+def test_p14_an_exception_in_a_callback_ends_with_the_safe_command(
+    probe: Probe, start: Processes
+) -> None:
+    commands = probe.listen('command')
+    start('plant', **PLANT)
+    file = parameter_file(start.directory / 'broken.yaml', {'/**': CONTROL})
+    arguments = ('--ros-args', '-r', f'__ns:={probe.namespace}', '--params-file', str(file))
+    controller = start.run('broken', '-c', BROKEN, *arguments)
+    probe.wait_until(lambda: commands and abs(commands[-1] + 5.0) < 0.2)
+    probe.set_and_go('controller', good_samples=7)
+    assert probe.end_of(controller) == 1
+    assert 'ZeroDivisionError: on purpose' in controller.said
+    probe.wait_until(lambda: commands[-1] == 1.5)
+
+
+def test_a_controller_that_is_silent_stays_so_when_it_is_stopped(
+    probe: Probe, start: Processes
+) -> None:
+    commands = probe.listen('command')
+    controller = start('controller', **CONTROL, enabled_at_start=False)
+    probe.wait_until(probe.said)
+    controller.signal(signal.SIGINT)
+    assert probe.end_of(controller) == 0
+    probe.spin(0.1)
+    assert commands == []
+
+
+@pytest.mark.parametrize('node', ['controller', 'plant', 'reference', 'recorder'])
+def test_a_signal_while_starting_leaves_no_traceback_once_the_node_speaks(
+    node: str, probe: Probe, start: Processes
+) -> None:
+    parameters: dict[str, Any] = {}
+    if node == 'recorder':
+        parameters['directory'] = str(start.directory / 'runs')
+    process = start(node, **parameters)
+    probe.wait_until(lambda: node in probe.nodes())
+    process.signal(signal.SIGINT)
+    assert probe.end_of(process) == 0
+    assert 'Traceback' not in process.said
+
+
+def test_signals_at_any_moment_of_the_life_of_a_node_end_it_cleanly(start: Processes) -> None:
+    for delay in (0.5, 0.6, 0.7):
+        process = start('controller', **CONTROL)
+        time.sleep(delay)
+        process.signal(signal.SIGTERM)
+        code = process.end()
+        assert code in (0, -signal.SIGTERM), process.said
+        assert 'Traceback' not in process.said
