@@ -1,0 +1,249 @@
+"""The recorder: a folder per run, rows as they come, and what is left when it ends badly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from math import isnan, nan
+from pathlib import Path
+import resource
+import signal
+from typing import Any
+
+from nadrc_ros.nodes.diagnostics import WARN
+from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.recording import read_samples, RunFolder, SAMPLES, SUMMARY
+from probe import Probe, Processes
+import pytest
+
+RATE = 100.0
+INPUTS = 'reference measurement command output'
+TOPICS = ('reference', 'measurement', 'command', 'plant/output')
+
+
+class Feed:
+    """Publishes what a loop would, sample by sample, to a recorder beside the probe."""
+
+    def __init__(self, make: Callable[..., Probe], directory: Path, **settings: Any) -> None:
+        values = {'rate': RATE, 'inputs': INPUTS, 'directory': str(directory), **settings}
+        self.probe = make(parameters={'recorder': values})
+        self.recorder = self.probe.add(RecorderNode())
+        self.send = {topic: self.probe.publisher(topic) for topic in TOPICS}
+        self.probe.wait_until(lambda: all(self.probe.readers(topic) for topic in TOPICS))
+        self.k = 0
+
+    def sample(self) -> None:
+        """Send the next sample; the row before is then complete."""
+        k = self.k = self.k + 1
+        values = {'reference': 1.0, 'measurement': 0.1 * k, 'command': 0.01 * k}
+        values['plant/output'] = 0.1 * k + 0.5
+        for topic, value in values.items():
+            self.send[topic](value)
+        self.probe.wait_until(lambda: self.recorder._numbers.get('output') == k)
+        self.probe.wait_until(lambda: set(self.recorder._numbers) == set(INPUTS.split()))
+
+    def rows(self) -> dict[str, list[float]]:
+        self.recorder.folder.flush()
+        return read_samples(self.recorder.folder.path)
+
+
+def test_a_row_is_one_period_with_the_command_that_acted_in_it(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    for _ in range(6):
+        feed.sample()
+    rows = feed.rows()
+    assert list(rows) == ['time', *INPUTS.split()]
+    assert rows['time'] == [0.0, 0.01, 0.02, 0.03, 0.04]
+    assert rows['measurement'] == [0.1 * k for k in range(1, 6)]
+    assert rows['command'] == [0.01 * k for k in range(1, 6)]
+    assert rows['output'] == [0.1 * k + 0.5 for k in range(1, 6)]
+
+
+def test_time_begins_at_the_first_command_even_when_that_came_before_any_measurement(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    feed.send['command'](0.0)
+    feed.probe.wait_until(lambda: feed.recorder._started)
+    for _ in range(3):
+        feed.sample()
+    assert feed.rows()['time'] == [0.0, 0.01]
+    # what never came is left empty
+    first = (feed.recorder.folder.path / SAMPLES).read_text().splitlines()[1]
+    assert first.startswith('0.0,1.0,0.1,')
+
+
+def test_an_unknown_value_is_an_empty_column(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    for _ in range(2):
+        feed.send['measurement'](3.0)
+        feed.send['command'](nan)
+        feed.probe.wait_until(lambda: feed.recorder._started)
+    feed.probe.wait_until(lambda: feed.recorder._rows == 1)
+    rows = feed.rows()
+    assert rows['measurement'] == [3.0]
+    assert all(isnan(rows[name][0]) for name in ('reference', 'command', 'output'))
+    assert (feed.recorder.folder.path / SAMPLES).read_text().splitlines()[1] == '0.0,,3.0,,'
+    assert feed.recorder.metrics.values().skipped == 1
+
+
+def test_a_lost_measurement_leaves_a_gap_and_is_counted(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    feed.sample()
+    feed.sample()
+    feed.recorder._numbers['measurement'] -= 1  # as if number 2 had not come ...
+    feed.recorder._numbers['command'] -= 2
+    feed.sample()
+    assert feed.recorder.lost == {'reference': 0, 'measurement': 1, 'command': 2, 'output': 0}
+    assert feed.recorder._report()[0] == WARN
+    assert feed.probe.trigger('recorder/save').success
+    summary = json.loads((feed.recorder.folder.path / SUMMARY).read_text())
+    assert summary['samples_lost'] == 3
+    assert summary['samples_lost_by_signal'] == {'measurement': 1, 'command': 2}
+    assert not summary['complete']
+    feed.probe.trigger('recorder/reset')
+    assert sum(feed.recorder.lost.values()) == 0
+
+
+def test_a_restarted_plant_goes_on_in_time(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    for _ in range(3):
+        feed.sample()
+    old = feed.send['measurement']
+    feed.send['measurement'] = feed.probe.publisher('measurement')  # its numbers begin anew
+    for _ in range(3):
+        feed.sample()
+    assert old is not feed.send['measurement']
+    assert feed.rows()['time'] == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
+    assert sum(feed.recorder.lost.values()) == 0
+
+
+def test_reset_opens_a_new_run_and_touches_no_old_one(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path / 'runs')
+    itae = feed.probe.listen('recorder/itae')
+    for _ in range(4):
+        feed.sample()
+    feed.probe.wait_until(lambda: itae and itae[-1] > 0.0)
+    first = feed.recorder.folder.path
+    kept = (first / SAMPLES).read_bytes()
+    answer = feed.probe.trigger('recorder/reset')
+    assert answer.success
+    second = feed.recorder.folder.path
+    assert str(second) in answer.message
+    assert second != first
+    summary = json.loads((first / SUMMARY).read_text())
+    assert summary['complete']
+    assert summary['rows'] == 4
+    feed.sample()
+    feed.sample()
+    assert feed.rows()['time'] == [0.0]
+    assert (first / SAMPLES).read_bytes()[: len(kept)] == kept
+    assert len(read_samples(first)['time']) == 4
+    assert feed.recorder.metrics.values().samples == 1
+
+
+def test_a_run_ends_after_its_duration(make_probe: Callable[..., Probe], tmp_path: Path) -> None:
+    feed = Feed(make_probe, tmp_path, duration=0.05)
+    for _ in range(10):
+        feed.sample()
+    summary = json.loads((feed.recorder.folder.path / SUMMARY).read_text())
+    assert summary['rows'] == 5
+    assert summary['complete']
+    assert read_samples(feed.recorder.folder.path)['time'] == [0.0, 0.01, 0.02, 0.03, 0.04]
+    assert not feed.recorder.finished
+
+
+def test_a_reset_that_cannot_open_a_run_is_answered(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path / 'runs')
+    feed.recorder.settings = type(feed.recorder.settings)(directory=str(Path('/proc/runs')))
+    answer = feed.probe.trigger('recorder/reset')
+    assert not answer.success
+    assert 'cannot write' in answer.message
+    feed.send['measurement'](1.0)
+    feed.probe.spin(0.3)
+    assert not feed.recorder.recording
+
+
+def test_folders_of_one_second_do_not_meet(tmp_path: Path) -> None:
+    folders = [RunFolder(tmp_path, ['time']) for _ in range(5)]
+    assert len({folder.path for folder in folders}) == 5
+    for folder in folders:
+        folder.close()
+
+
+def loop(start: Processes, **settings: Any) -> tuple[Any, Path]:
+    """Run plant, controller and recorder as processes; return the recorder and its runs."""
+    directory = start.directory / 'runs'
+    start('plant', rate=RATE, plant='chain', order=1)
+    recorder = start('recorder', rate=RATE, directory=str(directory), **settings)
+    start('controller', rate=RATE, plant_order=1)
+    return recorder, directory
+
+
+def wait_for_rows(probe: Probe, directory: Path, count: int) -> Path:
+    def found() -> Path | None:
+        folders = list(directory.glob('*'))
+        if folders and (folders[0] / SAMPLES).exists():
+            lines = (folders[0] / SAMPLES).read_bytes().count(b'\n')
+            return folders[0] if lines > count else None
+        return None
+
+    folder: Path = probe.wait_until(found)
+    return folder
+
+
+def test_killed_it_has_lost_a_second_at_most(probe: Probe, start: Processes) -> None:
+    recorder, directory = loop(start)
+    measurements = probe.listen('measurement')
+    folder = wait_for_rows(probe, directory, 50)
+    n = len(measurements)
+    probe.wait_until(lambda: len(measurements) > n + 120)
+    recorder.signal(signal.SIGKILL)
+    assert recorder.end() == -signal.SIGKILL
+    probe.spin(0.05)
+    rows = read_samples(folder)
+    assert not (folder / SUMMARY).exists()
+    last = rows['measurement'][-1]
+    behind = len(measurements) - 1 - max(i for i, y in enumerate(measurements) if y == last)
+    assert behind <= RATE
+    assert rows['time'] == sorted(set(rows['time']))
+
+
+def test_interrupted_it_leaves_a_summary(probe: Probe, start: Processes) -> None:
+    recorder, directory = loop(start)
+    folder = wait_for_rows(probe, directory, 20)
+    recorder.signal(signal.SIGINT)
+    assert recorder.end() == 0
+    summary = json.loads((folder / SUMMARY).read_text())
+    assert summary['complete']
+    assert summary['rows'] == len(read_samples(folder)['time'])
+    assert summary['metrics']['samples'] + summary['metrics']['skipped'] == summary['rows']
+    assert not list(folder.glob('*.part'))
+
+
+def test_a_full_disk_is_reported_and_ends_only_the_recorder(
+    probe: Probe, start: Processes
+) -> None:
+    recorder, directory = loop(start)
+    folder = wait_for_rows(probe, directory, 20)
+    size = (folder / SAMPLES).stat().st_size + 500
+    resource.prlimit(recorder.popen.pid, resource.RLIMIT_FSIZE, (size, size))
+    assert recorder.end() == 1
+    assert 'cannot write: File too large' in recorder.said
+    assert recorder.said.count('cannot write') == 1
+    assert 'Traceback' not in recorder.said
+    assert len(read_samples(folder)['time']) >= 20
+    commands = probe.listen('command')
+    probe.wait_until(lambda: len(commands) > 5)
