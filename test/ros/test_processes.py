@@ -1,0 +1,166 @@
+"""Nodes as processes: what they load, how they share a graph, how their parameters travel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+import signal
+from typing import Any
+
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.graph import node_parameters, NODES
+from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.scenario import loads
+from probe import parameter_file, Probe, Processes
+import pytest
+from rclpy.qos import ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+CONTROL: dict[str, Any] = {'rate': 100.0, 'plant_order': 1, 'b0': 1.0}
+PLANT: dict[str, Any] = {'rate': 100.0, 'plant': 'chain', 'order': 1}
+LOADED = """
+import sys
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.runtime import run
+
+class Counted(ControllerNode):
+    def _tick(self, *arguments):
+        super()._tick(*arguments)
+        self.finished = self.ticker.periods >= 20
+
+code = run(Counted)
+print('LOADED', *sorted({name.partition('.')[0] for name in sys.modules}))
+raise SystemExit(code)
+"""
+SCENARIO = """
+plant: {name: paper, a3: 0.2}
+reference: {signal: cosine, frequency: 0.5}
+disturbance: {signal: sine, amplitude: 2}
+noise: {variance: 1e-5}
+controllers:
+  mine: {structure: cascade, levels: 3, pole_ratios: [1, 1.5, 2], command_rate_limit: 1e4}
+"""
+
+
+def test_a_running_controller_has_loaded_nothing_heavy(start: Processes) -> None:
+    arguments = ('--ros-args', '-r', f'__ns:={start.namespace}')
+    process = start.run('loaded', '-c', LOADED, *arguments)
+    assert process.end() == 0
+    loaded = process.said.partition('LOADED ')[2].split()
+    assert 'rclpy' in loaded
+    heavy = {'scipy', 'numba', 'matplotlib', 'typer', 'rich', 'pandas'}
+    assert heavy.isdisjoint(loaded)
+
+
+def test_two_loops_in_two_namespaces_do_not_disturb_each_other(
+    probe: Probe, start: Processes
+) -> None:
+    outputs = {}
+    for name, x in (('a', 1.0), ('b', -2.0)):
+        space = f'{start.namespace}/{name}'
+        outputs[name] = probe.listen(f'{name}/plant/output')
+        start('plant', **PLANT, initial_state=[x], namespace=space)
+        start('controller', **CONTROL, namespace=space)
+    probe.wait_until(lambda: all(len(heard) > 100 for heard in outputs.values()))
+    assert all(abs(y - 1.0) < 0.5 for y in outputs['a'])
+    assert all(abs(y + 2.0) < 0.5 for y in outputs['b'])
+    assert probe.set('a/controller', inner_bandwidth=77.0) == ['']
+    assert probe.get('b/controller', 'inner_bandwidth') == [40.0]
+    assert probe.enable(False, node='a/controller').success
+    probe.wait_until(lambda: probe.said('a/controller')[-1][2]['enabled'] == 'False')
+    assert probe.said('b/controller')[-1][2]['enabled'] == 'True'
+
+
+@pytest.mark.parametrize('lockstep', [False, True])
+def test_parameter_files_made_from_a_scenario_load(
+    lockstep: bool, probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    parameters = node_parameters(loads(SCENARIO), 'mine', tmp_path / 'runs', lockstep)
+    file = parameter_file(
+        tmp_path / 'made.yaml', {f'{start.namespace}/{node}': p for node, p in parameters.items()}
+    )
+    # in lockstep the others would run to their end; one alone waits for its readers
+    names = ['controller'] if lockstep else NODES
+    processes = {node: start(node, file=file) for node in names}
+    probe.wait_until(lambda: set(processes) <= set(probe.nodes()))
+    for node in processes:
+        loaded = probe.all_parameters(node)
+        assert {key: loaded[key] for key in parameters[node]} == parameters[node]
+
+
+def test_what_a_running_node_shows_starts_the_same_node_again(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    first = start('controller', **CONTROL)
+    change = {'inner_bandwidth': 61.0, 'command_max': 7.0, 'structure': 'cascade', 'levels': 3}
+    assert probe.set('controller', **change, fal_gains=[2.5]) == [''] * 5
+    shown = probe.all_parameters('controller')
+    first.signal(signal.SIGINT)
+    assert probe.end_of(first) == 0
+    file = parameter_file(tmp_path / 'dump.yaml', {f'{start.namespace}/controller': shown})
+    probe.wait_until(lambda: 'controller' not in probe.nodes())
+    second = start('controller', file=file)
+    probe.wait_until(lambda: 'controller' in probe.nodes())
+    assert probe.all_parameters('controller') == shown
+    assert second.running
+
+
+def test_yaml_overrides_the_quality_of_service(
+    make_probe: Callable[..., Probe], namespace: str
+) -> None:
+    overrides = {
+        f'qos_overrides.{namespace}/measurement.subscription.reliability': 'reliable',
+        f'qos_overrides.{namespace}/command.publisher.depth': 7,
+    }
+    probe = make_probe(parameters={'controller': CONTROL | overrides})
+    probe.add(ControllerNode())
+    (reader,) = probe.node.get_subscriptions_info_by_topic(f'{namespace}/measurement')
+    assert reader.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert probe.get('controller', *overrides) == ['reliable', 7]
+
+
+def test_simulated_time_paces_the_nodes_and_may_step_back(
+    make_probe: Callable[..., Probe],
+) -> None:
+    probe = make_probe(
+        parameters={
+            'controller': CONTROL | {'use_sim_time': True},
+            'plant': PLANT | {'use_sim_time': True, 'initial_state': [1.0]},
+        }
+    )
+    node, plant = probe.add(ControllerNode()), probe.add(PlantNode())
+    publisher = probe.node.create_publisher(Clock, '/clock', 10)
+    probe.wait_until(lambda: publisher.get_subscription_count() >= 2)
+
+    def reads(ns: int) -> bool:
+        return all(n.get_clock().now().nanoseconds == ns for n in (node, plant))
+
+    def run(begin: float, count: int) -> None:
+        """Let simulated time run, by half periods."""
+        for k in range(count):
+            clock = Clock()
+            ns = round((begin + 0.005 * k) * 1e9)
+            clock.clock.sec, clock.clock.nanosec = divmod(ns, 10**9)
+            publisher.publish(clock)
+            probe.wait_until(partial(reads, ns))
+            probe.spin(0.001)
+
+    def step(begin: float) -> tuple[int, int]:
+        periods, used = node.ticker.periods, node.controller.counts[0]
+        run(begin, 100)
+        return node.ticker.periods - periods, node.controller.counts[0] - used
+
+    step(1000.0)
+    ticks, used = step(1000.5)
+    assert 40 <= ticks <= 60
+    assert used > 20
+    periods = node.ticker.periods
+    probe.spin(0.2)  # the clock stands still: nothing happens
+    assert node.ticker.periods - periods <= 1
+    step(100.0)  # nine hundred seconds back
+    ticks, used = step(100.5)
+    assert 40 <= ticks <= 60
+    assert used > 20
+    assert abs(plant.process.output - 1.0) < 0.5
+    assert node.controller.mode == 0
