@@ -74,7 +74,6 @@ REFUSED = [
     ('feedback_level', ''),
     ('error_based', 1),
     ('pole_ratios', [1.0, nan, 1.0]),
-    ('pole_ratios', [1.0, 1.0]),
     ('pole_ratios', [1, 1, 1]),
     ('pole_ratios', Parameter('pole_ratios', Parameter.Type.DOUBLE_ARRAY, [])),
     ('command_min', 200.0),
