@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -244,3 +245,17 @@ def test_without_error_the_measured_reference_is_followed_error_based() -> None:
             worst = max(worst, abs(chain.y - r)) if k > 1000 else 0.0
         errors[error_based] = worst
     assert errors[True] < 0.05 < errors[False]
+
+
+def test_filtered_is_the_nested_law_without_its_second_subtraction() -> None:
+    wide: dict[str, Any] = {'command_min': -1e6, 'command_max': 1e6}
+    nested, filtered = (
+        Law(design_of(structure=name, feedback_level='outer', b0=2.0, **wide))
+        for name in ('nested', 'filtered')
+    )
+    for u, y in zip(noise(3, 200, 5.0), noise(4, 200)):
+        nested.u = filtered.u = u
+        difference = filtered.step([0.0], y, 0.01) - nested.step([0.0], y, 0.01)
+        assert state_bits(nested.state) == state_bits(filtered.state)
+        assert difference == pytest.approx(nested.state.levels[1][2] / 2.0, rel=1e-6, abs=1e-9)
+    assert nested.status == filtered.status == 0 and abs(difference) > 1.0

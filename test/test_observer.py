@@ -232,7 +232,7 @@ def test_bandwidths_of_the_levels() -> None:
     assert design.bandwidths == [80.0, 32.0, 8.0, 2.0, 0.5]
     assert [list(design_of(structure=name, levels=3).reach) for name in NAMES] == [
         {name: [0, 1, 2] for name in ('nested', 'cascade', 'nonlinear')}.get(
-            name, [0, 2] if name == 'printed' else [0]
+            name, {'printed': [0, 2], 'filtered': [0, 1]}.get(name, [0])
         )
         for name in NAMES
     ]

@@ -20,8 +20,8 @@ class Design(NamedTuple):
 
     With n the plant order, m the extended states, N = n + m and K the levels: ``bandwidths`` (K,)
     [rad/s], ``reach`` (K,) how many previous disturbance estimates enter each level's input,
-    ``gain_matrix`` (N, N) of ``gains``, ``feedback_gains`` and ``exponents`` (n,),
-    ``feedback_level`` counted from 0.
+    ``cancelled`` how many the command subtracts, ``gain_matrix`` (N, N) of ``gains``,
+    ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted from 0.
     """
 
     order: int
@@ -30,6 +30,7 @@ class Design(NamedTuple):
     b0: float
     bandwidths: list[float]
     reach: list[int]
+    cancelled: int
     chained: bool
     nonlinear: bool
     eso_delta: float
@@ -74,6 +75,7 @@ def make_design(settings: ControllerSettings) -> Design:
         b0=settings.b0,
         bandwidths=[scale * w for w in bandwidths(settings, levels)],
         reach=list(structure.reach(levels)),
+        cancelled=structure.cancelled(levels),
         chained=structure.chained,
         nonlinear=structure.nonlinear,
         eso_delta=settings.eso_delta,

@@ -186,7 +186,7 @@ def raw_command(design: Design, state: State) -> float:
     reference = design.no_reference if design.error_based else state.profile
     v = feedback(design, state.levels[design.feedback_level], reference)
     k = 0
-    while k < design.levels:
+    while k < design.cancelled:
         v -= state.levels[k][design.order]
         k += 1
     return v / design.b0 + state.offset[0]

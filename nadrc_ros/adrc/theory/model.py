@@ -83,8 +83,9 @@ def law_matrices(design: Design) -> tuple[Array, Array]:
     """
     Return F (K N,) and H (n+1,) of the command u = -F x + H r, before the limits.
 
-    v = sum_i k_i (r_i - x_i) + r_{n+1} and b0 u = v - sum_k d_k. The fal law is taken inside its
-    linear zone, where it has the gains k_i / delta^(1 - alpha_i). Error-based, H = 0.
+    v = sum_i k_i (r_i - x_i) + r_{n+1} and b0 u = v - sum_k d_k, over the levels that the
+    structure cancels. The fal law is taken inside its linear zone, where it has the gains
+    k_i / delta^(1 - alpha_i). Error-based, H = 0.
     """
     n, size = design.order, design.states
     gains = np.array(design.feedback_gains)
@@ -92,7 +93,7 @@ def law_matrices(design: Design) -> tuple[Array, Array]:
         gains = gains * design.delta ** (np.array(design.exponents) - 1.0)
     f, reference = np.zeros(design.levels * size), np.zeros(n + 1)
     f[design.feedback_level * size : design.feedback_level * size + n] = gains
-    f[n::size] += 1.0
+    f += disturbance_weights(design, design.cancelled)
     if not design.error_based:
         reference[:n], reference[n] = gains, 1.0
     return f / design.b0, reference / design.b0
