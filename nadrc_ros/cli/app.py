@@ -9,10 +9,11 @@ and behind `from __future__ import annotations` it does not see the descriptions
 from typing import Annotated
 
 from nadrc_ros.cli.demo import demo
+from nadrc_ros.cli.paper import paper
 from nadrc_ros.cli.simulate import simulate
 import typer
 
-COMMANDS = (simulate, demo)
+COMMANDS = (simulate, demo, paper)
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for _command in COMMANDS:
