@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import chain, pairwise
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -117,3 +118,22 @@ def test_a_bad_period_is_refused(period: float) -> None:
 
 def test_an_empty_sequence() -> None:
     assert noise_sequence(Noise(), 0.1, 0).tolist() == []
+
+
+def test_blocks_read_the_same_bits_as_periods() -> None:
+    for sample_time in (0.0, 0.001, 0.0033, 0.01, 1e-4, 7.0):
+        noise = Noise(variance=2.0, sample_time=sample_time, seed=4)
+        one, other = NoiseSource(noise, 0.001), NoiseSource(noise, 0.001)
+        singly = [one.at(k) for k in range(1000)]
+        cuts = [0, 1, 2, 300, 300, 301, 900]
+        blocks = [other.block(a, b - a).tolist() for a, b in pairwise(cuts)]
+        blocks.append([other.at(k) for k in range(900, 950)])
+        blocks.append(other.block(950, 50).tolist())
+        assert list(chain.from_iterable(blocks)) == singly
+
+
+def test_a_block_of_the_past_is_refused() -> None:
+    source = NoiseSource(Noise(), 0.001)
+    source.block(0, 10)
+    with pytest.raises(ValueError, match='before one'):
+        source.block(8, 5)

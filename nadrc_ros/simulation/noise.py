@@ -82,6 +82,23 @@ class NoiseSource:
             self._normal = float(self._generator.standard_normal())
         return self._scale * self._normal
 
+    def block(self, k: int, count: int) -> npt.NDArray[np.float64]:
+        """Return the noise of periods ``k`` to ``k + count - 1``: the bits that ``at`` gives."""
+        if count < 1:
+            return np.zeros(0)
+        indices = _sample_indices(k, count, self.period, self.sample_time)
+        held = self._drawn - 1
+        missing = int(indices[-1]) - held
+        if missing > count or indices[0] < held:  # many are skipped, or `at` refuses
+            return np.array([self.at(i) for i in range(k, k + count)])
+        normals = np.empty(missing + 1)
+        normals[0] = self._normal
+        self._generator.standard_normal(out=normals[1:])
+        self._drawn += missing
+        self._normal = float(normals[-1])
+        found: npt.NDArray[np.float64] = self._scale * normals[indices - held]
+        return found
+
 
 def sample_index(k: int, period: float, sample_time: float) -> int:
     """
@@ -99,18 +116,21 @@ def sample_index(k: int, period: float, sample_time: float) -> int:
 
 def noise_sequence(noise: Noise, period: float, count: int) -> npt.NDArray[np.float64]:
     """Return the noise of periods 0 to ``count`` - 1: the same bits as reading them one by one."""
-    _check_period(period)
-    if count < 1:
-        return np.zeros(0)
-    periods = np.arange(count)
-    if noise.sample_time > 0.0:
-        quotient = periods * (period / noise.sample_time)
-        nearest = np.rint(quotient)
-        near = np.abs(quotient - nearest) <= NEARLY * quotient
-        periods = np.where(near, nearest, np.floor(quotient)).astype(np.int64)
-    normals = _generator(noise.seed).standard_normal(int(periods[-1]) + 1)
-    sequence: npt.NDArray[np.float64] = sqrt(noise.variance) * normals[periods]
-    return sequence
+    return NoiseSource(noise, period).block(0, count)
+
+
+def _sample_indices(
+    k: int, count: int, period: float, sample_time: float
+) -> npt.NDArray[np.int64]:
+    """Return :func:`sample_index` of ``count`` periods from ``k`` on."""
+    periods = np.arange(k, k + count)
+    if sample_time == 0.0:
+        return periods
+    quotient = periods * (period / sample_time)
+    nearest = np.rint(quotient)
+    near = np.abs(quotient - nearest) <= NEARLY * quotient
+    indices: npt.NDArray[np.int64] = np.where(near, nearest, np.floor(quotient)).astype(np.int64)
+    return indices
 
 
 def _generator(seed: int) -> np.random.Generator:
