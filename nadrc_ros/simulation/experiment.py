@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.simulation.metrics import Metrics, MetricValues
+from nadrc_ros.simulation.loop import Kernel, LEVELS, Loop, WIDTH
+from nadrc_ros.simulation.loop import sample_reference as sample_reference
+from nadrc_ros.simulation.metrics import metric_values, MetricValues
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 from nadrc_ros.simulation.process import Process
@@ -18,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-KNOWN_DERIVATIVES = 2
+# Plain Python takes some 10 s for that many, numba about as long to compile.
+WORTH_COMPILING = 200_000
 
 
 @attrs.frozen(kw_only=True)
@@ -102,51 +105,33 @@ class Result:
     status_counts: dict[str, int]
 
 
-def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:
-    """Return r, r', r'' at t_k = k / rate: what the reference topics carry."""
-    out = [0.0] * (KNOWN_DERIVATIVES + 1)
-    signal.derivatives(k / rate, out)
-    return out
+def simulate(
+    experiment: Experiment,
+    settings: ControllerSettings,
+    *,
+    compiled: bool | None = None,
+    say: Callable[[str], None] | None = None,
+) -> Result:
+    """
+    Run the closed loop offline: at each t_k measure, decide, hold the command until t_k+1.
 
+    Parameters
+    ----------
+    experiment, settings
+        What is done to which controller.
+    compiled
+        Whether to compile the loop, which gives the same bits. By default a run that is long
+        enough to win by it is compiled. Without numba, or with a plant or signal that does not
+        compile, the loop runs in plain Python all the same.
+    say
+        Called with one line before numba compiles, which takes half a minute, once per machine
+        for each combination of plant and signal classes.
 
-def simulate(experiment: Experiment, settings: ControllerSettings) -> Result:
-    """Run the closed loop offline: at each t_k measure, decide, hold the command until t_k+1."""
-    process = experiment.process()
-    controller = Controller(settings)
-    metrics = Metrics()
-    steps, h = experiment.steps, experiment.period
-    retunes = sorted(experiment.retunes, key=lambda retune: retune.time)
-    rows: list[tuple[float, ...]] = []
-    levels: list[list[float]] = []
-    for k in range(steps):
-        t = k / experiment.rate
-        while retunes and retunes[0].time <= t:
-            settings = attrs.evolve(settings, **retunes.pop(0).settings)
-            controller.retune(settings)
-        r = sample_reference(experiment.reference, k, experiment.rate)
-        y, measurement = process.output, process.measurement
-        u = controller.tick(measurement, h, reference=r)
-        followed = r[0] if experiment.error == 'reference' else controller.tracking
-        now = controller.settings
-        saturated = u <= now.command_min or u >= now.command_max
-        metrics.add(t, h, followed - y, u, saturated)
-        truth = process.total_disturbance(u) + (process.plant.b0 - controller.settings.b0) * u
-        rows.append(
-            (
-                t,
-                r[0],
-                controller.tracking,
-                y,
-                measurement,
-                u,
-                controller.output_estimate,
-                controller.total_disturbance,
-                truth,
-            )
-        )
-        levels.append(controller.disturbances)
-        process.advance(u)
-    columns = np.array(rows).T
+    """
+    steps = experiment.steps
+    loop, rows = Loop(experiment, settings), np.full((steps, WIDTH), np.nan)
+    loop.run(rows, kernel(experiment, steps, compiled, say))
+    columns = np.ascontiguousarray(rows.T)
     return Result(
         time=columns[0],
         reference=columns[1],
@@ -157,12 +142,27 @@ def simulate(experiment: Experiment, settings: ControllerSettings) -> Result:
         output_estimate=columns[6],
         disturbance_estimate=columns[7],
         total_disturbance=columns[8],
-        disturbances=_padded(levels),
-        metrics=metrics.values(),
-        status_counts={status.name.lower(): n for status, n in controller.counts.items() if n},
+        disturbances=rows[:, LEVELS : LEVELS + loop.levels].copy(),
+        metrics=metric_values(loop.acc),
+        status_counts={s.name.lower(): n for s, n in loop.controller.counts.items() if n},
     )
 
 
-def _padded(rows: list[list[float]]) -> Array:
-    width = max(map(len, rows))
-    return np.array([row + [np.nan] * (width - len(row)) for row in rows])
+def kernel(
+    experiment: Experiment,
+    periods: int,
+    compiled: bool | None = None,
+    say: Callable[[str], None] | None = None,
+) -> Kernel | None:
+    """
+    Return the compiled loop for the classes in ``experiment``, None for plain Python.
+
+    ``periods`` is how many are about to be run: with ``compiled`` None it decides.
+    """
+    if compiled is False or (compiled is None and periods < WORTH_COMPILING):
+        return None
+    try:
+        from nadrc_ros.simulation.kernel import kernel_for
+    except ImportError:
+        return None
+    return kernel_for(experiment, say)

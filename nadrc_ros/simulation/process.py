@@ -44,7 +44,8 @@ class Process:
         """Go on from the present state with another plant of the same states or disturbance."""
         self.plant = plant
         self.disturbance = disturbance
-        self._integrator = Integrator(plant, disturbance, substeps_for(plant, 1.0 / self.rate))
+        self.substeps = substeps_for(plant, 1.0 / self.rate)
+        self._integrator = Integrator(plant, disturbance, self.substeps)
 
     @property
     def output(self) -> float:

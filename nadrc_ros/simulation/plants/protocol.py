@@ -10,6 +10,7 @@ as well, ``derivative`` uses nothing but its arguments, number fields of ``self`
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isfinite
 from typing import Any, Protocol
 
@@ -60,7 +61,21 @@ def total_disturbance(
     Source: the paper (Abdul-Adheem & Ibraheem, nested linear extended state observers), section 2,
     L = f + w, with a known input gain b0 written out. ``dx`` is overwritten with the derivative.
     """
-    plant.derivative(t, x, u, w, dx)
+    return unexplained(type(plant).derivative, plant, b0, t, x, u, w, dx)
+
+
+def unexplained(
+    derivative: Callable[[Any, float, Vector, float, float, MutableVector], None],
+    plant: Any,
+    b0: float,
+    t: float,
+    x: Vector,
+    u: float,
+    w: float,
+    dx: MutableVector,
+) -> float:
+    """Return :func:`total_disturbance` with the method beside its object, so that it compiles."""
+    derivative(plant, t, x, u, w, dx)
     return dx[plant.order - 1] - b0 * u
 
 

@@ -1,0 +1,139 @@
+"""The closed loop as a state that goes on period by period: at t_k measure, decide, hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil
+from typing import TYPE_CHECKING
+
+import attrs
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
+from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME, SIZE
+from nadrc_ros.simulation.remainder import accumulate_remainders
+from nadrc_ros.simulation.signals import Signal
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from nadrc_ros.simulation.experiment import Experiment
+
+Array = npt.NDArray[np.float64]
+# A row: time, reference, tracking, output, measurement, command, estimates of output and
+# disturbance, truth; then one estimate per level.
+LEVELS = 9
+WIDTH = LEVELS + MAX_LEVELS
+# Periods between two draws of noise: the memory of a run of any length.
+BLOCK = 8192
+
+# kernel(loop, stop, rows) advances the loop towards period ``stop``, up to which no setting
+# changes and there is noise. It stops before a period it cannot do, and returns False when it
+# cannot go on at all; the loop is then as it was.
+Kernel = Callable[['Loop', int, Array], bool]
+
+
+class Loop:
+    """
+    One run of one controller in an experiment.
+
+    Attributes
+    ----------
+    process, controller
+        The plant, with the number k of the next period, and what controls it.
+    acc
+        The sums of :func:`~nadrc_ros.simulation.metrics.accumulate`.
+    remainders
+        The sums of :func:`~nadrc_ros.simulation.remainder.accumulate_remainders`.
+    levels
+        The largest number of levels that was in use.
+    noise, noise_start
+        A block of noise, and its first period.
+
+    """
+
+    def __init__(self, experiment: Experiment, settings: ControllerSettings) -> None:
+        self.experiment = experiment
+        self.process = experiment.process()
+        self.controller = Controller(settings)
+        self.acc = [0.0] * SIZE
+        self.remainders = [0.0] * MAX_LEVELS
+        self.levels = self.controller.design.levels
+        self.noise = np.zeros(0)
+        self.noise_start = 0
+        self._settings = settings
+        self._changes = [
+            (_first_period(retune.time, experiment.rate), retune.settings)
+            for retune in sorted(experiment.retunes, key=lambda retune: retune.time)
+        ]
+
+    def run(self, rows: Array, kernel: Kernel | None = None) -> None:
+        """
+        Go on to the end, writing a row per period if ``rows`` (steps, ``WIDTH``) has any.
+
+        Periods that the kernel leaves are done here: those in which settings change or something
+        goes wrong.
+        """
+        steps, process = self.experiment.steps, self.process
+        while process.k < steps:
+            drawn = self.noise_start + len(self.noise)
+            if process.k == drawn:
+                self.noise = process.noise.block(drawn, min(BLOCK, steps - drawn))
+                self.noise_start = drawn
+                drawn += len(self.noise)
+            if kernel is not None:
+                stop = min(drawn, self._changes[0][0]) if self._changes else drawn
+                if process.k < stop and not kernel(self, stop, rows):
+                    kernel = None
+                if process.k == drawn:
+                    continue
+            self._period(rows)
+
+    def _period(self, rows: Array) -> None:
+        """Advance by one period in plain Python."""
+        experiment, process, controller = self.experiment, self.process, self.controller
+        k, h = process.k, experiment.period
+        t = k / experiment.rate
+        while self._changes and self._changes[0][0] <= k:
+            self._settings = attrs.evolve(self._settings, **self._changes.pop(0)[1])
+            controller.retune(self._settings)
+        r = sample_reference(experiment.reference, k, experiment.rate)
+        y = process.output
+        measurement = y + float(self.noise[k - self.noise_start])
+        u = controller.tick(measurement, h, reference=r)
+        followed = r[0] if experiment.error == 'reference' else controller.tracking
+        now = controller.settings
+        saturated = u <= now.command_min or u >= now.command_max
+        truth = process.total_disturbance(u) + (process.plant.b0 - now.b0) * u
+        accumulate(self.acc, t, h, followed - y, u, saturated, SETTLE_TIME)
+        accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
+        self.levels = max(self.levels, controller.design.levels)
+        if len(rows):
+            row = (
+                t,
+                r[0],
+                controller.tracking,
+                y,
+                measurement,
+                u,
+                controller.output_estimate,
+                controller.total_disturbance,
+                truth,
+                *controller.disturbances,
+            )
+            rows[k, : len(row)] = row
+        process.advance(u)
+
+
+def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:
+    """Return r, r', r'' at t_k = k / rate: what the reference topics carry."""
+    out = [0.0] * (REFERENCE_DERIVATIVES + 1)
+    signal.derivatives(k / rate, out)
+    return out
+
+
+def _first_period(time: float, rate: float) -> int:
+    """Return the first k with k / rate at or after ``time``."""
+    k = max(ceil(time * rate) - 2, 0)
+    while k / rate < time:
+        k += 1
+    return k
