@@ -1,0 +1,220 @@
+"""
+The loop of a run compiled by numba, from the functions of the law, the plant and the metrics.
+
+This is the one file that imports numba. Every function of the loop is registered with numba, which
+then compiles the source that runs in plain Python: same bits, 50 times the speed. One loop serves
+one combination of plant, reference and disturbance class; their numbers and the controller's
+are arguments. Compiled loops are kept on disk, in ``__pycache__`` beside this file or else in the
+user's cache folder, under a name made of all that was compiled: numba by itself would not notice
+that another file than this one changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from inspect import getmembers, isfunction
+import marshal
+from math import isfinite, isnan
+import pickle
+from types import ModuleType
+from typing import Any
+
+from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
+from nadrc_ros.adrc.controller import tick
+from nadrc_ros.adrc.law import disturbance_estimate, LARGEST, output_estimate
+from nadrc_ros.simulation.integrate import integrate
+from nadrc_ros.simulation.loop import LEVELS
+from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME
+from nadrc_ros.simulation.plants.protocol import probe_state, unexplained
+from nadrc_ros.simulation.remainder import accumulate_remainders
+import numba
+from numba import types
+from numba.core.event import Event, install_listener, Listener
+from numba.extending import intrinsic, register_jitable
+import numpy as np
+
+LAW = (observer, feedback, differentiator, law, supervisor, controller)
+SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
+# All others are inlined, which makes the loop six times as fast; these would double the time to
+# compile for nothing.
+SELDOM = (law._refuse, law._restart, law.start, law.approach, observer.place_poles)
+
+
+@intrinsic
+def unowned(context: Any, value: Any) -> Any:
+    """Return ``value`` with arrays that are not counted: the caller keeps them alive."""
+
+    def strip(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = array.meminfo.type(None)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            for i, part in enumerate(kind):
+                stripped = strip(context, builder, part, builder.extract_value(value, i))
+                value = builder.insert_value(value, stripped, i)
+        return value
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return strip(context, builder, signature.args[0], args[0])
+
+    return value(value), codegen
+
+
+@cache
+def compiled_loop(
+    derivative: Any, output: Any, references: Any, disturbances: Any
+) -> Callable[..., Any]:
+    """Return the loop for these methods; it is compiled, or read from disk, at its first call."""
+    methods = derivative, output, references, disturbances
+    for method in methods:
+        register_jitable(forceinline=True)(method)
+    for function in _functions():
+        register_jitable(forceinline=function not in SELDOM)(function)
+
+    def loop(
+        plant: Any,
+        reference_signal: Any,
+        disturbance: Any,
+        design: Any,
+        state: Any,
+        spare: Any,
+        watch: Any,
+        command: float,
+        known: int,
+        r: Any,
+        reference: Any,
+        x: Any,
+        x_next: Any,
+        dx: Any,
+        w: Any,
+        work: Any,
+        k: int,
+        stop: int,
+        rate: float,
+        substeps: int,
+        b0: float,
+        order: int,
+        tracking: bool,
+        noise: Any,
+        noise_start: int,
+        acc: Any,
+        remainders: Any,
+        counts: Any,
+        rows: Any,
+    ) -> Any:
+        h = 1.0 / rate
+        first = k
+        plant, reference_signal, disturbance = unowned((plant, reference_signal, disturbance))
+        design, state, spare = unowned((design, state, spare))
+        r, reference, x, x_next, dx, w, work = unowned((r, reference, x, x_next, dx, w, work))
+        noise, acc, remainders, counts, rows = unowned((noise, acc, remainders, counts, rows))
+        lost = isnan(x[0])
+        status = 0
+        while k < stop:
+            t = k / rate
+            references(reference_signal, t, r)
+            usable = True
+            for i in range(len(r)):
+                usable = usable and -LARGEST < r[i] < LARGEST
+            if not usable:
+                break
+            for i in range(len(reference)):
+                reference[i] = r[i] if i < known and i < len(r) else 0.0
+            y = output(plant, x)
+            measurement = y + noise[k - noise_start]
+            u, now, watched = tick(
+                design, state, watch, True, reference, True, measurement, command, h, h, spare
+            )
+            disturbances(disturbance, t, w)
+            truth = unexplained(derivative, plant, b0, t, x, u, w[0], dx) + (b0 - design.b0) * u
+            integrate(
+                derivative, plant, disturbances, disturbance, t, x, u, h, substeps, work, w, x_next
+            )
+            if not lost:  # a plant that was lost before stays so
+                fine = isfinite(truth)
+                for i in range(len(x)):
+                    fine = fine and isfinite(x_next[i])
+                if not fine:
+                    break
+            command, status, watch = u, now, watched
+            followed = spare.profile[0] if tracking else r[0]
+            saturated = u <= design.command_min or u >= design.command_max
+            accumulate(acc, t, h, followed - y, u, saturated, SETTLE_TIME)
+            accumulate_remainders(design, spare, truth, t, h, remainders)
+            counts[status] += 1
+            if k < len(rows):
+                row = rows[k]
+                row[0] = t
+                row[1] = r[0]
+                row[2] = spare.profile[0]
+                row[3] = y
+                row[4] = measurement
+                row[5] = u
+                row[6] = output_estimate(design, spare)
+                row[7] = disturbance_estimate(design, spare)
+                row[8] = truth
+                for level in range(design.levels):
+                    row[LEVELS + level] = spare.levels[level][design.order]
+            state, spare = spare, state
+            x, x_next = x_next, x
+            k += 1
+        return k, status, command, watch, (k - first) % 2
+
+    digest = sha256()
+    for function in (loop, *methods, *_functions()):
+        digest.update(_identity(function))
+    # The name of the file on disk: two loops that are made at once must not share one.
+    loop.__qualname__ = f'loop_{digest.hexdigest()[:16]}'
+    fast: Callable[..., Any] = numba.njit(nogil=True, cache=True)(loop)
+    return fast
+
+
+def check_methods(methods: tuple[Any, ...], fields: tuple[Any, ...], states: int) -> None:
+    """Raise if one of the methods does not compile: it takes no second, the whole loop many."""
+    derivative, output, *signals = methods
+    x = np.array(probe_state(states, 1))
+    numba.njit(derivative)(fields[0], 0.0, x, 0.0, 0.0, np.zeros(states))
+    numba.njit(output)(fields[0], x)
+    for method, signal in zip(signals, fields[1:]):
+        numba.njit(method)(signal, 0.0, np.zeros(1))
+
+
+@cache
+def _functions() -> tuple[Callable[..., Any], ...]:
+    own = (
+        function
+        for module in LAW
+        for _, function in getmembers(module, isfunction)
+        if function.__module__ == module.__name__
+    )
+    return *own, *SIMULATION
+
+
+def _identity(function: Any) -> bytes:
+    """Return the code of a function with what its global names mean: constants, functions."""
+    code, names = function.__code__, function.__globals__
+    meant = [names.get(name) for name in code.co_names if name != unowned.__name__]
+    meant = [value.__name__ if isinstance(value, ModuleType) else value for value in meant]
+    told = function.__module__, function.__qualname__, pickle.dumps(meant)
+    return marshal.dumps((*told, code), 2)  # later versions of marshal are not reproducible
+
+
+class _Announcer(Listener):  # type: ignore[misc]
+    def __init__(self, compiled: Any, say: Callable[[str], None]) -> None:
+        self.compiled = compiled
+        self.say = say
+
+    def on_start(self, event: Event) -> None:
+        if event.data['dispatcher'] is self.compiled:
+            self.say('compiling the simulation for this plant and these signals, once')
+
+    def on_end(self, event: Event) -> None:
+        pass
+
+
+def announced(compiled: Any, say: Callable[[str], None]) -> Any:
+    """Return a context that has ``say`` called should numba compile that loop inside it."""
+    return install_listener('numba:compile', _Announcer(compiled, say))

@@ -1,0 +1,197 @@
+"""The compiled loop of one experiment: what it is given, and what it gives back."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import cache
+from typing import Any, TYPE_CHECKING
+
+import attrs
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.law import blank_state, State
+from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
+from nadrc_ros.adrc.status import Status
+from nadrc_ros.adrc.supervisor import Watch
+from nadrc_ros.simulation.compiled import announced, check_methods, compiled_loop
+from nadrc_ros.simulation.integrate import make_work
+from nadrc_ros.simulation.loop import Array, Loop, WIDTH
+from nadrc_ros.simulation.plants.protocol import probe_state
+import numpy as np
+
+if TYPE_CHECKING:
+    from nadrc_ros.simulation.experiment import Experiment
+
+PROBES = 4
+PROBE_PERIODS = 5
+SHORTEST_RUN = 1e-3
+_AGREES: dict[Any, bool] = {}
+
+
+class Kernel:
+    """The compiled loop of one experiment, with its plant and signals as named tuples."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        plant, *signals = experiment.plant, experiment.reference, experiment.disturbance
+        self.fields = tuple(map(fields_of, (plant, *signals)))
+        self.methods = (
+            type(plant).derivative,
+            type(plant).output,
+            *(type(signal).derivatives for signal in signals),
+        )
+        self.compiled = compiled_loop(*self.methods)
+
+    def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
+        """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""
+        experiment, process, running = loop.experiment, loop.process, loop.controller
+        design = running.design
+        states = [_arrays_of(state) for state in (running.state, blank_state(design))]
+        acc, remainders = np.array(loop.acc), np.array(loop.remainders)
+        counts = np.zeros(len(Status), dtype=np.int64)
+        reference = np.array(running.reference)
+        xs = np.array([process.state, process.state], dtype=np.float64)
+        try:
+            k, status, command, watch, last = self.compiled(
+                *self.fields,
+                _design_of(design),
+                *states,
+                running.watch,
+                running.command,
+                1 + running.settings.received_derivatives,
+                np.zeros(REFERENCE_DERIVATIVES + 1),
+                reference,
+                xs[0],
+                xs[1],
+                np.zeros(len(xs[0])),
+                np.zeros(1),
+                np.array(make_work(len(xs[0]))),
+                process.k,
+                stop,
+                float(experiment.rate),
+                process.substeps,
+                float(process.plant.b0),
+                process.plant.order,
+                experiment.error == 'tracking',
+                loop.noise,
+                loop.noise_start,
+                acc,
+                remainders,
+                counts,
+                rows,
+            )
+        except Exception:  # what is wrong with a plant is told by running it in plain Python
+            return False
+        if k > process.k:
+            process.k = k
+            process.state = xs[last].tolist()
+            running.state = State(*(part.tolist() for part in states[last]))
+            running.reference[:] = reference.tolist()
+            running.watch = Watch(*watch)
+            running.command = command
+            running.status = Status(status)
+            for each in Status:
+                running.counts[each] += int(counts[each])
+            loop.acc, loop.remainders = acc.tolist(), remainders.tolist()
+        return True
+
+
+def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None) -> Kernel | None:
+    """
+    Return the compiled loop of ``experiment``, None if its plant or a signal does not compile.
+
+    A loop is believed only after a few periods of it, done here, gave the bits of plain Python;
+    for classes from outside this package these are done with all their numbers and from several
+    states. ``say`` is called with one line before numba compiles, which takes half a minute.
+    """
+    try:
+        kernel = Kernel(experiment)
+        foreign = not all(m.__module__.startswith('nadrc_ros.') for m in kernel.methods)
+        key = kernel.methods, kernel.fields if foreign else None
+        if key not in _AGREES:
+            if foreign:
+                _AGREES[key] = False
+                check_methods(kernel.methods, kernel.fields, experiment.plant.states)
+            with announced(kernel.compiled, say) if say is not None else nullcontext():
+                _AGREES[key] = _agrees(kernel, experiment, PROBES if foreign else 1)
+        return kernel if _AGREES[key] else None
+    except Exception:  # numba has many ways to say that it cannot
+        return None
+
+
+def _agrees(kernel: Kernel, experiment: Experiment, probes: int) -> bool:
+    """Compare the first periods with plain Python."""
+    plant, period = experiment.plant, experiment.period
+    settings = ControllerSettings(plant_order=plant.order, b0=plant.b0)
+    for probe in range(probes):
+        short = attrs.evolve(
+            experiment,
+            initial_state=tuple(probe_state(plant.states, probe)),
+            duration=max(PROBE_PERIODS * period, SHORTEST_RUN),
+            retunes=(),
+        )
+        plain, fast = Loop(short, settings), Loop(short, settings)
+        rows = np.full((2, short.steps, WIDTH), np.nan)
+        plain.run(rows[0])
+        went: list[bool] = []
+
+        def watched(*now: Any, went: list[bool] = went) -> bool:
+            went.append(kernel(*now))
+            return went[-1]
+
+        fast.run(rows[1], watched)
+        if not all(went):
+            return False
+        if plain.process.state != fast.process.state:
+            return False
+        if not np.array_equal(rows[0], rows[1], equal_nan=True):
+            return False
+    return True
+
+
+def fields_of(thing: Any) -> Any:
+    """Return the numbers, and the lists of numbers, that ``thing`` has, as a named tuple."""
+    found = {name: _constant(getattr(thing, name, None)) for name in dir(thing)}
+    found = {name: v for name, v in found.items() if v is not None and name[0] != '_'}
+    return _fields('Fields(' + ' '.join(found) + ')')(**found)
+
+
+def __getattr__(name: str) -> Any:
+    """Find the named tuple called ``name``, as numba does for a loop that it reads from disk."""
+    if name.startswith('Fields('):
+        return _fields(name)
+    raise AttributeError(name)
+
+
+@cache
+def _fields(name: str) -> Any:
+    cls = namedtuple('Fields', name[len('Fields(') : -1].split())  # type: ignore[misc]
+    cls.__name__ = cls.__qualname__ = name
+    cls.__module__ = __name__
+    return cls
+
+
+def _constant(value: Any) -> Any:
+    """Return a number as one of Python's, a list of numbers as a tuple, None for the rest."""
+    if isinstance(value, (bool, int)):
+        return value
+    if isinstance(value, (float, np.floating)):
+        return float(value)
+    if isinstance(value, (list, tuple)):
+        entries = tuple(map(_constant, value))
+        return None if None in entries or not entries else entries
+    return None
+
+
+def _arrays_of(state: State) -> Any:
+    parts: list[Any] = [np.array(part, dtype=np.float64) for part in state]
+    return State(*parts)
+
+
+def _design_of(design: Design) -> Any:
+    kinds = {'reach': np.int64}
+    values: dict[str, Any] = {
+        name: np.array(value, kinds.get(name, np.float64)) if isinstance(value, list) else value
+        for name, value in design._asdict().items()
+    }
+    return Design(**values)
