@@ -5,7 +5,8 @@ Convention: the first n states are y, y', ..., y^(n-1) with n the order, further
 internal. Hence dx[i] = x[i+1] for i < n-1, y^(n) = dx[n-1], and the output is x[0].
 
 A plant of one's own may be any class with these members: plain, dataclass or attrs. To be compiled
-as well, ``derivative`` uses nothing but its arguments, number fields of ``self`` and ``math``.
+as well, ``derivative`` uses nothing but its arguments, ``math``, and those fields of ``self`` that
+are numbers or lists of numbers and have no leading underscore; otherwise it runs in plain Python.
 """
 
 from __future__ import annotations
