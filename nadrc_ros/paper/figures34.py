@@ -55,7 +55,7 @@ def _run(scenario: Scenario, name: str, case: str) -> experiment.Result:
     if case == 'clean':
         scenario = scenario.changed(noise_variance=0.0)
     settings = scenario.controllers[name]
-    return experiment.simulate(scenario.experiment(), settings)
+    return experiment.simulate(scenario.experiment(), settings, compiled=True)
 
 
 def _estimation_errors(found: experiment.Result) -> dict[str, Any]:
