@@ -25,6 +25,8 @@ th, td { padding: .34rem .6rem; text-align: left; vertical-align: top;
 thead th { border-bottom: 2px solid #1a1a1a; }
 td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 td.w { min-width: 13rem; }
+td:first-child { min-width: 8rem; }
+td.n:first-child { min-width: 0; }
 figure { margin: 1.2rem 0; overflow-x: auto; }
 figure img { display: block; width: 100%; min-width: 34rem; height: auto; }
 figcaption { font-size: .85rem; color: #444; margin-top: .4rem; position: sticky; left: 0; }

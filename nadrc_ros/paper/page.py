@@ -64,7 +64,7 @@ def page(
         )
     )
     parts.append(
-        table(('the paper', 'says', 'we measure', 'verdict'), claims(results), words=(0, 1, 2, 3))
+        table(('paper', 'claim', 'measured', 'verdict'), claims(results), words=(0, 1, 2, 3))
     )
     for section in chosen:
         prose = PROSE.get(section.name, no_prose)(results[section.name])

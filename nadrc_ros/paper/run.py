@@ -11,6 +11,7 @@ from typing import Any
 from nadrc_ros.paper.drawing import FORMATS, render
 from nadrc_ros.paper.page import page
 from nadrc_ros.paper.section import Result, Section
+from nadrc_ros.paper.tables import scenarios_of
 
 # The order of the article.
 MODULES = (
@@ -73,6 +74,13 @@ def files(chosen: Sequence[Section], results: Results, quick: bool = False) -> d
 
 
 def as_json(results: Mapping[str, Any], quick: bool) -> bytes:
-    """Return paper.json: what was measured, and nothing that changes from run to run."""
-    whole = {'quick': quick, **results}
+    """
+    Return paper.json: what was measured, and nothing that changes from run to run.
+
+    Beside the result of each section it has Table I under ``scenarios``, for other programs.
+    """
+    scenarios = {
+        name: {'table1': numbers} for name, numbers in scenarios_of(results['table1']).items()
+    }
+    whole = {'quick': quick, 'scenarios': scenarios, **results}
     return (json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + '\n').encode()

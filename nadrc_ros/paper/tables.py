@@ -6,20 +6,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.paper.section import Result
-
-# Key in the result, label.
-NUMBERS = {
-    'c_clean_itae': 'C-ADRC, no noise, ITAE',
-    'c_clean_isu': 'C-ADRC, no noise, ISU',
-    'n_clean_itae': 'N-ADRC, no noise, ITAE',
-    'n_clean_isu': 'N-ADRC, no noise, ISU',
-    'c_noisy_itae': 'C-ADRC, noise, ITAE',
-    'c_noisy_isu': 'C-ADRC, noise, ISU',
-    'n_noisy_itae': 'N-ADRC, noise, ITAE',
-    'n_noisy_isu': 'N-ADRC, noise, ISU',
-    'e3_itae': 'ITAE of e₃',
-    'zeta3_itae': 'ITAE of ζ₃',
-}
+from nadrc_ros.paper.table1 import LABELS
 
 
 @attrs.frozen
@@ -39,19 +26,13 @@ def table_1(result: Result) -> Table:
     """Return Table I: ours as mean +- deviation over the seeds, and the relative difference."""
     scenarios = scenarios_of(result)
     rows = []
-    for key, label in NUMBERS.items():
+    for key, label in LABELS.items():
         found = [numbers[key] for numbers in scenarios.values()]
         cells = [label, f'{found[0]["paper"]:g}']
         for number in found:
-            cells += [_mean(number), f'{100.0 * number["relative"]:+.1f} %']
+            cells += [_mean(number), f'{100.0 * number["relative"]:+.1f} %'.replace('-', '−')]
         rows.append(cells)
     return Table(list(scenarios), rows)
-
-
-def reduction(numbers: dict[str, Any], case: str, figure: str, of: str = 'mean') -> float:
-    """Return by how much N-ADRC is below C-ADRC, as a share."""
-    nested, single = (float(numbers[f'{letter}_{case}_{figure}'][of]) for letter in 'nc')
-    return 1.0 - nested / single
 
 
 def _mean(number: dict[str, float]) -> str:
