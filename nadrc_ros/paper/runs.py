@@ -27,7 +27,7 @@ def metrics_of(
 ) -> list[list[RunMetrics]]:
     """Return the figures of merit of each controller for each seed, from ``jobs`` threads."""
     with ThreadPoolExecutor(max(1, jobs)) as threads:
-        runs = simulate_many(experiment, settings, seeds, executor=threads)
+        runs = simulate_many(experiment, settings, seeds, executor=threads, compiled=True)
     count = len(seeds)
     return [runs[i * count : (i + 1) * count] for i in range(len(settings))]
 
