@@ -6,6 +6,8 @@ from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from html import escape
 
+import attrs
+
 STYLE = """
 :root { color-scheme: light; }
 * { box-sizing: border-box; }
@@ -35,6 +37,15 @@ figcaption { font-size: .85rem; color: #444; margin-top: .4rem; position: sticky
 math[display=block] { margin: .8rem 0; overflow-x: auto; overflow-y: hidden; max-width: 100%; }
 code { font-size: .88em; }
 """
+
+
+@attrs.frozen(kw_only=True)
+class Prose:
+    """Ready HTML before and after the figures, and a caption for each figure by stem."""
+
+    before: str
+    after: str = ''
+    captions: dict[str, str] = attrs.field(factory=dict)
 
 
 def document(title: str, body: str) -> str:

@@ -15,10 +15,11 @@ from nadrc_ros.paper.html import (
     mo,
     paragraph,
     picture,
+    Prose,
     table,
     verdict,
 )
-from nadrc_ros.paper.prose import no_prose, PROSE, Prose
+from nadrc_ros.paper.prose import no_prose, PROSE
 from nadrc_ros.paper.section import Result, Section
 
 TITLE = 'Nested extended state observers: the paper, reproduced and corrected'
