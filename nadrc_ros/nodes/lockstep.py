@@ -27,13 +27,15 @@ class LockstepSender(Sender):
         self._timeout = timeout
 
     def send(self, value: float) -> None:
-        """Publish ``value``."""
+        """Publish ``value``; a node that is told to stop tries once, for its last command."""
         end = time.monotonic() + self._timeout
-        while not self._node.told_to_stop:
+        while True:
             try:
                 super().send(value)
                 return
             except PublishError as error:
+                if self._node.told_to_stop:
+                    return
                 if time.monotonic() > end:
                     self._node.fail(f'{self.topic}: a reader does not keep up ({error})')
                     return
