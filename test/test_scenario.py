@@ -296,7 +296,7 @@ def test_a_shipped_scenario_is_found_by_name_but_a_file_comes_first(
     assert find_scenario('demo').name == 'demo.yaml'
     (tmp_path / 'paper').write_text(SHORT)
     assert find_scenario('paper') == Path('paper')
-    with pytest.raises(ScenarioError, match=r'no such file, .* paper, pendulum'):
+    with pytest.raises(ScenarioError, match=r'no such file, .* paper, .*pendulum'):
         find_scenario('papper')
     with pytest.raises(ScenarioError, match='a directory'):
         find_scenario(str(tmp_path))
@@ -317,8 +317,10 @@ def test_a_shipped_scenario_runs_well(path: Path) -> None:
         assert np.isfinite(result.output).all() and np.isfinite(result.command).all()
         assert all(isfinite(value) for value in result.metrics.as_dict().values())
         assert result.metrics.saturated_fraction < 0.05
-        span = np.ptp(result.reference)
-        assert np.abs(result.reference - result.output)[late].max() < 0.03 * span
+        # A calibrated scenario follows the lagging profile of its tracking differentiator.
+        followed = result.reference if scenario.error == 'reference' else result.tracking
+        share = 0.1 if path.stem.startswith('paper_') else 0.03
+        assert np.abs(followed - result.output)[late].max() < share * np.ptp(result.reference)
 
 
 def test_the_demo_shows_that_nesting_wins() -> None:
