@@ -39,7 +39,7 @@ paper: build $(VENV)/dev ## measure every claim of the paper, write the article 
 
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
-	python -m pytest --junitxml=build/tests.xml $(ARGS)
+	python -m pytest -n 2 --dist loadfile --junitxml=build/tests.xml $(ARGS)
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ -n '$(ARGS)' ] || [ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 

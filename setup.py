@@ -22,7 +22,7 @@ setup(
     maintainer_email='maintainers@users.noreply.example.org',
     python_requires='>=3.10',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'paper/designs.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -50,7 +50,7 @@ setup(
             'ros-jazzy-diagnostic-msgs==5.3.6',
         ],
         'speed': ['numba'],
-        'test': ['pytest', 'hypothesis', 'pyadrc==0.6.1'],
+        'test': ['pytest', 'pytest-xdist', 'hypothesis', 'pyadrc==0.6.1'],
         'lint': [
             'ruff',
             'mypy',
