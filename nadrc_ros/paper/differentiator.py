@@ -65,7 +65,7 @@ class Tracked:
 
     @property
     def profile(self) -> list[float]:
-        """The reference r1, r2 that the law follows."""
+        """Return the reference r1, r2 that the law follows."""
         return list(self.law.state.profile)
 
 

@@ -87,8 +87,9 @@ def _kept(values: Any, stretch: int) -> list[float]:
     if stretch <= 2:
         return list(values)
     kept: list[float] = []
-    for i in range(0, len(values), stretch):
-        part = values[i : i + stretch]
+    for start in range(0, len(values), stretch):
+        end = start + stretch
+        part = values[start:end]
         steps = np.diff(part)
         if (steps >= 0.0).all() or (steps <= 0.0).all():
             kept += [part[0], part[len(part) // 2]]

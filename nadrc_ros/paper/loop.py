@@ -40,7 +40,7 @@ class Law:
 
     @property
     def disturbance(self) -> float:
-        """The sum of the disturbance estimates."""
+        """Return the sum of the disturbance estimates."""
         return sum(level[self.design.order] for level in self.state.levels)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from nadrc_ros.paper.claims import claims
 from nadrc_ros.paper.diagrams import n_adrc
-from nadrc_ros.paper.html import (
+from nadrc_ros.paper.markup import (
     document,
     formula,
     hat,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from nadrc_ros.paper import prose_comparison, prose_parts
-from nadrc_ros.paper.html import Prose
+from nadrc_ros.paper.markup import Prose
 from nadrc_ros.paper.section import Result
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from nadrc_ros.paper.figures34 import PAPER_REDUCTION
-from nadrc_ros.paper.html import paragraph, Prose, table
+from nadrc_ros.paper.markup import paragraph, Prose, table
 from nadrc_ros.paper.section import Result
 from nadrc_ros.paper.tables import table_1
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.paper.html import (
+from nadrc_ros.paper.markup import (
     formula,
     fraction,
     hat,
