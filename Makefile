@@ -39,7 +39,7 @@ paper: build $(VENV)/dev ## measure every claim of the paper, write the article 
 
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
-	python -m pytest -n 2 --dist loadfile --junitxml=build/tests.xml $(ARGS)
+	python -m pytest -n 2 --dist loadgroup --junitxml=build/tests.xml $(ARGS)
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ -n '$(ARGS)' ] || [ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 
@@ -49,7 +49,7 @@ lint: $(VENV)/dev ## check style and types
 	ruff check .
 	ruff format --check .
 	mypy --strict nadrc_ros test
-	python -m ament_flake8.main nadrc_ros test setup.py
+	python -m ament_flake8.main --config setup.cfg nadrc_ros test setup.py
 	python -m ament_pep257.main nadrc_ros
 
 clean: ## remove what was built (.venv stays; `make distclean` removes that too)

@@ -222,7 +222,7 @@ class Controller:
 
     @property
     def mode(self) -> Mode:
-        """What the command is."""
+        """Tell what the command is."""
         return Mode(self.watch.mode)
 
     @property
@@ -232,27 +232,27 @@ class Controller:
 
     @property
     def quiet(self) -> bool:
-        """True when disabled and at rest: there is nothing to send."""
+        """Tell whether it is disabled and at rest, with nothing to send."""
         return not self.enabled and self.watch.mode == SAFE
 
     @property
     def tracking(self) -> float:
-        """The reference the law follows, r1."""
+        """Return the reference the law follows, r1."""
         return self.state.profile[0]
 
     @property
     def output_estimate(self) -> float:
-        """The output as estimated by the level that feeds the law."""
+        """Return the output as estimated by the level that feeds the law."""
         return output_estimate(self.design, self.state)
 
     @property
     def disturbances(self) -> list[float]:
-        """The disturbance estimate d_k of each level, in units of y^(n)."""
+        """Return the disturbance estimate d_k of each level, in units of y^(n)."""
         return [level[self.design.order] for level in self.state.levels]
 
     @property
     def total_disturbance(self) -> float:
-        """The estimate of L = y^(n) - b0 u: the sum of the levels."""
+        """Return the estimate of L = y^(n) - b0 u: the sum of the levels."""
         return disturbance_estimate(self.design, self.state)
 
     def _take(self, reference: Sequence[float]) -> bool:

@@ -50,7 +50,7 @@ def demo(
     with reporting():
         try:
             from nadrc_ros.nodes.graph import private_domain
-            from nadrc_ros.nodes.operator import GraphError
+            from nadrc_ros.nodes.operation import GraphError
         except ImportError as error:
             complain(f'ROS 2 is not here ({error}): source it, or use `make demo`')
             raise typer.Exit(USER_ERROR) from None
@@ -162,8 +162,8 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
     from nadrc_ros.cli.writing import write_whole
     from nadrc_ros.report.caption import marks_of, title_of
+    from nadrc_ros.report.columns import Trace
     from nadrc_ros.report.figure import draw, render
-    from nadrc_ros.report.trace import Trace
 
     names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')
     traces = {

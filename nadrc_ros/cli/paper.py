@@ -48,8 +48,7 @@ def paper(
             results = measure(chosen, bar.tell, jobs, quick)
         for name, content in files(chosen, results, quick).items():
             write_whole(out / name, content)
-        if 'table1' in results:
-            _print_table_1(results['table1'])
+        _print_table_1(results['table1'])
         typer.echo(f'article {out / "index.html"}, numbers {out / "paper.json"}')
         wrong = [] if quick else violations(chosen, results)
         for sentence in wrong:

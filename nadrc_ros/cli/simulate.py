@@ -82,8 +82,8 @@ def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') 
 def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
     from nadrc_ros.cli.writing import write_whole
     from nadrc_ros.report.caption import marks_of, title_of
+    from nadrc_ros.report.columns import trace_of
     from nadrc_ros.report.figure import draw, render
-    from nadrc_ros.report.trace import trace_of
 
     traces = {run: trace_of(result) for run, result in results.items()}
     figure = draw(traces, title_of(name, scenario), marks_of(scenario))

@@ -84,12 +84,17 @@ class Ticker:
         self._period = 1.0 / rate
         self._tick = tick
         self._last = 0
+        self._begin = 0
         node.create_timer(self._period, self._fire, clock=self.clock)
 
     def _fire(self) -> None:
+        """Count against the clock, in which a late tick and an early one are no missed period."""
         now = self.clock.now().nanoseconds
         elapsed = (now - self._last) * 1e-9 if self.periods else self._period
+        if elapsed < 0.0 or not self.periods:  # simulated time may go back
+            self._begin = now - int((self.periods + self.missed) * self._period * 1e9)
         self._last = now
         self.periods += 1
-        self.missed += max(0, round(elapsed / self._period) - 1)
+        due = round((now - self._begin) * 1e-9 / self._period) + 1
+        self.missed = max(self.missed, due - self.periods)
         self._tick(max(elapsed, 0.0))

@@ -13,7 +13,7 @@ from nadrc_ros.nodes.pacing import PacingSettings, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import receive, REFERENCE_TOPICS, Sender
-from nadrc_ros.simulation.experiment import sample_reference
+from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
 
 

@@ -8,7 +8,8 @@ import attrs
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.law import blank_state, start, step
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.simulation.experiment import Experiment, sample_reference
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.metrics import Metrics, MetricValues
 import numpy as np
 import numpy.typing as npt

@@ -8,12 +8,6 @@ from nadrc_ros.paper import prose_comparison, prose_parts
 from nadrc_ros.paper.markup import Prose
 from nadrc_ros.paper.section import Result
 
-
-def no_prose(result: Result) -> Prose:
-    """Say nothing about a section."""
-    return Prose(before='')
-
-
 PROSE: dict[str, Callable[[Result], Prose]] = {
     'table1': prose_comparison.table1,
     'figures34': prose_comparison.figures34,

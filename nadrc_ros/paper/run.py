@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 import json
 from typing import Any
 
@@ -29,8 +28,7 @@ Results = dict[str, Result]
 
 def sections() -> tuple[Section, ...]:
     """Return every section, in the order of the article."""
-    names = [f'nadrc_ros.paper.{module}' for module in MODULES]
-    return tuple(import_module(name).SECTION for name in names if find_spec(name))
+    return tuple(import_module(f'nadrc_ros.paper.{module}').SECTION for module in MODULES)
 
 
 def measure(

@@ -12,7 +12,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from nadrc_ros.report.caption import Mark
-from nadrc_ros.report.trace import Array, Trace
+from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.simulation.metrics import SETTLE_TIME
 import numpy as np
 

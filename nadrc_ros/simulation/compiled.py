@@ -203,6 +203,8 @@ def _identity(function: Any) -> bytes:
 
 
 class _Announcer(Listener):  # type: ignore[misc]
+    """Says so when numba compiles the loop."""
+
     def __init__(self, compiled: Any, say: Callable[[str], None]) -> None:
         self.compiled = compiled
         self.say = say

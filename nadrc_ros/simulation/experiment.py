@@ -10,7 +10,6 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.loop import Kernel, LEVELS, Loop, WIDTH
-from nadrc_ros.simulation.loop import sample_reference as sample_reference
 from nadrc_ros.simulation.metrics import metric_values, MetricValues
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
@@ -73,7 +72,7 @@ class Experiment:
 
     @property
     def steps(self) -> int:
-        """Number of periods N."""
+        """Return the number of periods N."""
         return round(self.duration * self.rate)
 
     def process(self) -> Process:

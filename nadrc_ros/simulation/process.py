@@ -49,12 +49,12 @@ class Process:
 
     @property
     def output(self) -> float:
-        """The noise-free output y(t_k)."""
+        """Return the noise-free output y(t_k)."""
         return self.plant.output(self.state)
 
     @property
     def measurement(self) -> float:
-        """The output with the noise of period k."""
+        """Return the output with the noise of period k."""
         return self.output + self.noise.at(self.k)
 
     def total_disturbance(self, command: float) -> float:

@@ -20,7 +20,8 @@ _names = count(1)
 def _take_domain() -> IO[str]:
     """Lock the first free domain for as long as this process lives."""
     for domain in DOMAINS:
-        lock = Path(tempfile.gettempdir(), f'nadrc_ros_domain_{domain}.lock').open('a')  # noqa: SIM115
+        path = Path(tempfile.gettempdir(), f'nadrc_ros_domain_{domain}.lock')
+        lock = path.open('a')
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -72,3 +73,10 @@ def make_probe(namespace: str, tmp_path: Path) -> Iterator[Callable[..., Probe]]
 def probe(make_probe: Callable[..., Probe]) -> Probe:
     """Return a node beside the nodes under test, to talk to them and listen."""
     return make_probe()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let all tests that start nodes share a process, and otherwise those of a file."""
+    for item in items:
+        group = 'ros' if item.path.parent == Path(__file__).parent else item.path.stem
+        item.add_marker(pytest.mark.xdist_group(group))

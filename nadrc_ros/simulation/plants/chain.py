@@ -23,7 +23,7 @@ class Chain:
 
     @property
     def states(self) -> int:
-        """Number of states: the order."""
+        """Return the number of states: the order."""
         return self.order
 
     @property

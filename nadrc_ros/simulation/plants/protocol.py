@@ -37,7 +37,7 @@ class Plant(Protocol):
 
     @property
     def states(self) -> int:
-        """Number of states, at least the order."""
+        """Return the number of states, at least the order."""
         ...
 
     def derivative(self, t: float, x: Vector, u: float, w: float, dx: MutableVector) -> None:

@@ -39,12 +39,12 @@ class Trace:
 
     @property
     def error(self) -> Array:
-        """The tracking error r - y."""
+        """Return the tracking error r - y."""
         return self.reference - self.output
 
     @property
     def unrest(self) -> float:
-        """The total variation of the command, where it is known."""
+        """Return the total variation of the command, where it is known."""
         return float(np.nansum(np.abs(np.diff(self.command))))
 
 
