@@ -215,7 +215,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_behind(scenario: Path) -> None:
     )
     scenario.write_text(SCENARIO.replace('{name: paper, a3: 0.2}', '{file: plant.py}'))
     process = subprocess.Popen(
-        [*COMMAND, 'simulate', str(scenario), '--duration', '1e5', '--json', str(out)],
+        [*COMMAND, 'simulate', str(scenario), '--duration', '900', '--json', str(out)],
         cwd=ROOT,
         stderr=subprocess.PIPE,
         text=True,
