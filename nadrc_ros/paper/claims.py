@@ -87,7 +87,7 @@ def fair(result: Result) -> list[Row]:
             'N-ADRC outperforms C-ADRC in effort, tracking and disturbance rejection, above all '
             'with measurement noise',
             f'at equal effort {min(less):.0f} to {max(less):.0f} % less ITAE with noise, '
-            f'{min(times):.1f} to {max(times):.0f} times less without',
+            f'{min(times):.1f} to {max(times):.1f} times less without',
             'true, and modest where it is said to be most',
         )
     ]
