@@ -73,10 +73,3 @@ def make_probe(namespace: str, tmp_path: Path) -> Iterator[Callable[..., Probe]]
 def probe(make_probe: Callable[..., Probe]) -> Probe:
     """Return a node beside the nodes under test, to talk to them and listen."""
     return make_probe()
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let all tests that start nodes share a process, and otherwise those of a file."""
-    for item in items:
-        group = 'ros' if item.path.parent == Path(__file__).parent else item.path.stem
-        item.add_marker(pytest.mark.xdist_group(group))
