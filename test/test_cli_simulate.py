@@ -214,6 +214,8 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_behind(scenario: Path) -> None:
         '        super().derivative(t, x, u, w, dx)\n'
     )
     scenario.write_text(SCENARIO.replace('{name: paper, a3: 0.2}', '{file: plant.py}'))
+    # A job in the background of a shell inherits SIGINT as ignored; with a handler here it is not.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(
         [*COMMAND, 'simulate', str(scenario), '--duration', '900', '--json', str(out)],
         cwd=ROOT,

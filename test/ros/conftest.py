@@ -7,6 +7,7 @@ import fcntl
 from itertools import count
 import os
 from pathlib import Path
+import signal
 import tempfile
 from typing import IO
 
@@ -34,6 +35,8 @@ def _take_domain() -> IO[str]:
 
 
 _LOCK = _take_domain()
+# A job in the background of a shell inherits SIGINT as ignored, and would pass that on.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope='session', autouse=True)
