@@ -65,6 +65,7 @@ def test_two_loops_in_two_namespaces_do_not_disturb_each_other(
     probe.wait_until(lambda: all(len(heard) > 100 for heard in outputs.values()))
     assert all(abs(y - 1.0) < 0.5 for y in outputs['a'])
     assert all(abs(y + 2.0) < 0.5 for y in outputs['b'])
+    probe.wait_until(lambda: probe.said('a/controller') and probe.said('b/controller'))
     assert probe.set('a/controller', inner_bandwidth=77.0) == ['']
     assert probe.get('b/controller', 'inner_bandwidth') == [40.0]
     assert probe.enable(False, node='a/controller').success
