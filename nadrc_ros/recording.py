@@ -1,17 +1,65 @@
-"""A recorded run: a folder with ``samples.csv``, written as it comes, and ``summary.json``."""
+"""A recorded run: a folder with ``run.json``, ``samples.csv`` as it comes, ``summary.json``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 import json
-from math import isnan, nan
-import os
+from math import isfinite, isnan, nan
 from pathlib import Path
 from typing import Any
 
+import attrs
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import build, choice, declared, number
+from nadrc_ros.simulation.metrics import Metrics
+from nadrc_ros.writing import write_json
+
+SETTINGS = 'run.json'
 SAMPLES = 'samples.csv'
 SUMMARY = 'summary.json'
+NEEDED = ('reference', 'measurement', 'command')
+
+
+class RecordingError(UserError):
+    """What a folder holds is not a recorded run; the message says which file and why."""
+
+
+@attrs.frozen(kw_only=True)
+class FigureSettings:
+    """What the figures of merit need to know besides the samples."""
+
+    error: str = choice(
+        'reference',
+        ('reference', 'tracking'),
+        'error of the metrics: reference - output, or ~/tracking of the controller - output',
+        live=False,
+    )
+    command_min: float = number(
+        -1e9, -1e9, 1e9, 'command unit', 'lower limit, for the saturated fraction', live=False
+    )
+    command_max: float = number(
+        1e9, -1e9, 1e9, 'command unit', 'upper limit, for the saturated fraction', live=False
+    )
+
+
+@attrs.frozen(kw_only=True)
+class RunSettings(FigureSettings):
+    """What ``run.json`` has: enough to compute the figures of merit from the samples."""
+
+    rate: float = number(200.0, 1.0, 5000.0, 'Hz', 'periods per second')
+
+    def add(self, metrics: Metrics, t: float, values: Mapping[str, float]) -> None:
+        """Add the row of time ``t`` [s]; without a true output the measurement stands for it."""
+        command = values['command']
+        followed = values.get('tracking', nan)
+        if self.error == 'reference' and not isnan(values['reference']):
+            followed = values['reference']
+        output = values.get('output', nan)
+        if isnan(output):
+            output = values['measurement']
+        saturated = command <= self.command_min or command >= self.command_max
+        metrics.add(t, 1.0 / self.rate, followed - output, command, saturated)
 
 
 class RunFolder:
@@ -24,6 +72,8 @@ class RunFolder:
         Where the folder is made; made itself if need be.
     columns
         Names of the numbers of a row.
+    settings
+        Written before the first sample, so that a run that ends badly can be summarised.
 
     Raises
     ------
@@ -32,8 +82,9 @@ class RunFolder:
 
     """
 
-    def __init__(self, directory: Path, columns: Sequence[str]) -> None:
+    def __init__(self, directory: Path, columns: Sequence[str], settings: RunSettings) -> None:
         self.path = _new_folder(directory)
+        write_json(self.path / SETTINGS, attrs.asdict(settings))
         self._file = (self.path / SAMPLES).open('x', encoding='utf-8')
         self._file.write(','.join(columns) + '\n')
         self.flush()
@@ -50,27 +101,119 @@ class RunFolder:
         """Close the samples."""
         self._file.close()
 
-    def write_summary(self, summary: Mapping[str, Any]) -> None:
+    def write_summary(self, content: Mapping[str, Any]) -> None:
         """Write or replace the summary in one step: it is never half there."""
-        write_json(self.path / SUMMARY, summary)
+        write_json(self.path / SUMMARY, content)
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write ``content`` to ``path`` in one step; an old file stays until the new one is whole."""
-    partial = path.with_name(path.name + '.part')
-    partial.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
-    os.replace(partial, path)
+class Samples:
+    """
+    The rows of ``samples.csv``, read one after the other.
+
+    Attributes
+    ----------
+    names
+        The columns.
+    cut
+        Whether the last row was cut short, by a kill or a full disk, and so was left out.
+
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file = (folder / SAMPLES).open(encoding='utf-8', errors='replace')
+        self.names = self._file.readline().rstrip('\n').split(',')
+        self.cut = False
+
+    def __iter__(self) -> Iterator[list[float]]:
+        """
+        Yield the rows.
+
+        Raises
+        ------
+        RecordingError
+            For a row, other than the last, that is not one number per column.
+
+        """
+        with self._file:
+            for number, line in enumerate(self._file, 2):
+                if not line.endswith('\n'):
+                    self.cut = True
+                    return
+                yield self._row(number, line[:-1].split(','))
+
+    def _row(self, number: int, cells: list[str]) -> list[float]:
+        try:
+            row = [float(cell) if cell else nan for cell in cells]
+        except ValueError:
+            row = []
+        if len(row) != len(self.names):
+            raise RecordingError(f'{SAMPLES}, line {number}: not {len(self.names)} numbers')
+        return row
 
 
 def read_samples(folder: Path) -> dict[str, list[float]]:
-    """Return the columns of ``samples.csv``; a row that was cut short is left out."""
-    with (folder / SAMPLES).open(encoding='utf-8') as file:
-        names = file.readline().rstrip('\n').split(',')
-        rows = [line.rstrip('\n').split(',') for line in file if line.endswith('\n')]
-    whole = [row for row in rows if len(row) == len(names)]
+    """Return the columns of ``samples.csv``; a last row that was cut short is left out."""
+    samples = Samples(folder)
+    rows = list(samples)
+    return {name: [row[i] for row in rows] for i, name in enumerate(samples.names)}
+
+
+def summary(settings: RunSettings, metrics: Metrics, rows: int) -> dict[str, Any]:
+    """Return what every summary has, whoever makes it."""
     return {
-        name: [float(row[i]) if row[i] else nan for row in whole] for i, name in enumerate(names)
+        'metrics': metrics.values().as_dict(),
+        'rows': rows,
+        'rate': settings.rate,
+        'error': settings.error,
     }
+
+
+def summarise(folder: Path) -> dict[str, Any]:
+    """
+    Return the summary that the samples of a run amount to, with the recorder's own figures.
+
+    What they do not tell is None: how many samples were lost in all, where only a measurement
+    leaves a gap in time, and whether the run was complete.
+
+    Raises
+    ------
+    RecordingError, SettingError
+        For files that are not those of a run, or a run without samples.
+    OSError
+        For a file that cannot be read.
+
+    """
+    settings = _read_settings(folder / SETTINGS)
+    samples = Samples(folder)
+    for name in ('time', *NEEDED):
+        if name not in samples.names:
+            raise RecordingError(f'{SAMPLES}: no column {name}')
+    metrics, rows, periods = Metrics(), 0, 0.0
+    for row in samples:
+        values = dict(zip(samples.names, row))
+        settings.add(metrics, values['time'], values)
+        rows, periods = rows + 1, values['time'] * settings.rate
+    if not rows:
+        raise RecordingError(f'{SAMPLES}: no samples')
+    if not isfinite(periods):
+        raise RecordingError(f'{SAMPLES}: the time of the last row is not a number')
+    gaps = round(periods) + 1 - rows
+    return summary(settings, metrics, rows) | {
+        'samples_lost': None,
+        'samples_lost_by_signal': {'measurement': gaps} if gaps else {},
+        'complete': False if samples.cut else None,
+    }
+
+
+def _read_settings(path: Path) -> RunSettings:
+    try:
+        content = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise RecordingError(f'{path.name}: {error}') from None
+    known = declared(RunSettings)
+    if not isinstance(content, dict) or content.keys() != known.keys():
+        raise RecordingError(f'{path.name}: must have {", ".join(known)} and nothing else')
+    return build(RunSettings, content, path.name)
 
 
 def _new_folder(directory: Path) -> Path:

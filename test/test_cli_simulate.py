@@ -13,12 +13,12 @@ from typing import Any
 
 import attrs
 from nadrc_ros.cli.app import app
-from nadrc_ros.cli.writing import write_whole
 from nadrc_ros.report.caption import Mark
 from nadrc_ros.report.columns import Trace, trace_of
 from nadrc_ros.report.figure import draw, render
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.scenario.mapping import from_mapping
+from nadrc_ros.writing import write_whole
 import numpy as np
 import pytest
 from typer.testing import CliRunner

@@ -11,9 +11,10 @@ from typing import Annotated
 from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.paper import paper
 from nadrc_ros.cli.simulate import simulate
+from nadrc_ros.cli.summarise import summarise
 import typer
 
-COMMANDS = (simulate, demo, paper)
+COMMANDS = (simulate, demo, paper, summarise)
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for _command in COMMANDS:

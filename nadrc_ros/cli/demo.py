@@ -160,10 +160,10 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
-    from nadrc_ros.cli.writing import write_whole
     from nadrc_ros.report.caption import marks_of, title_of
     from nadrc_ros.report.columns import Trace
     from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.writing import write_whole
 
     names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')
     traces = {
@@ -191,7 +191,7 @@ def _truth(scenario: 'Scenario', name: str, run: 'Run') -> list[float]:
 def _write_summary(
     path: Path, name: str, lockstep: bool, scenario: 'Scenario', runs: 'dict[str, Run]'
 ) -> None:
-    from nadrc_ros.recording import write_json
+    from nadrc_ros.writing import write_json
 
     write_json(
         path,

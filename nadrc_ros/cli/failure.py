@@ -19,12 +19,11 @@ def reporting(file: str = '') -> Iterator[None]:
     Exit codes: 1 for an error of the user, 130 for Ctrl-C. Anything else is a bug and keeps its
     traceback.
     """
-    from nadrc_ros.adrc.errors import SettingError
-    from nadrc_ros.scenario import ScenarioError
+    from nadrc_ros.adrc.errors import UserError
 
     try:
         yield
-    except (SettingError, ScenarioError) as error:
+    except UserError as error:
         complain(f'{file}: {error}' if file else str(error))
         raise typer.Exit(USER_ERROR) from None
     except OSError as error:

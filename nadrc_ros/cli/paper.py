@@ -36,8 +36,8 @@ def paper(
     with reporting():
         import os
 
-        from nadrc_ros.cli.writing import write_whole
         from nadrc_ros.paper.run import files, measure, sections, violations
+        from nadrc_ros.writing import write_whole
 
         out.mkdir(parents=True, exist_ok=True)
         jobs = os.cpu_count() or 1
@@ -85,9 +85,9 @@ class _Bar:
 
 def _retune(out: Path, jobs: int) -> None:
     """Find the designs again, write them beside the article, and say whether they are the same."""
-    from nadrc_ros.cli.writing import write_whole
     from nadrc_ros.paper.candidates import dump_designs, load_designs
     from nadrc_ros.paper.retune import retune
+    from nadrc_ros.writing import write_whole
     from rich.progress import Progress
 
     with Progress() as progress:

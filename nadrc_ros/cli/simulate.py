@@ -67,23 +67,21 @@ def _warn_if_lost(name: str, result: 'Result') -> None:
 
 
 def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
-    import json
-
-    from nadrc_ros.cli.writing import write_whole
     from nadrc_ros.scenario.mapping import to_mapping
+    from nadrc_ros.writing import write_json
 
     document: dict[str, Any] = {
         'scenario': to_mapping(scenario),
         'runs': {name: result.metrics.as_dict() for name, result in results.items()},
     }
-    write_whole(path, (json.dumps(document, indent=2, allow_nan=False) + '\n').encode())
+    write_json(path, document)
 
 
 def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
-    from nadrc_ros.cli.writing import write_whole
     from nadrc_ros.report.caption import marks_of, title_of
     from nadrc_ros.report.columns import trace_of
     from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.writing import write_whole
 
     traces = {run: trace_of(result) for run, result in results.items()}
     figure = draw(traces, title_of(name, scenario), marks_of(scenario))

@@ -9,20 +9,19 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, choice, declared, number, text
+from nadrc_ros.adrc.fields import build, declared, number, text
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
-from nadrc_ros.recording import RunFolder
+from nadrc_ros.recording import FigureSettings, NEEDED, RunFolder, RunSettings, summary
 from nadrc_ros.simulation.metrics import Metrics
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
 FLUSH = 0.2
-NEEDED = ('reference', 'measurement', 'command')
 TRUTH = ('output', 'total_disturbance')
 ESTIMATES = {
     'tracking': 'tracking',
@@ -33,7 +32,7 @@ DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 
 
 @attrs.frozen(kw_only=True)
-class RecorderSettings:
+class RecorderSettings(FigureSettings):
     """What is recorded, and where to."""
 
     inputs: str = text(
@@ -49,18 +48,6 @@ class RecorderSettings:
         's',
         'length of a run, from the first command; 0 = until stopped',
         live=False,
-    )
-    error: str = choice(
-        'reference',
-        ('reference', 'tracking'),
-        'error of the metrics: reference - output, or ~/tracking of the controller - output',
-        live=False,
-    )
-    command_min: float = number(
-        -1e9, -1e9, 1e9, 'command unit', 'lower limit, for the saturated fraction', live=False
-    )
-    command_max: float = number(
-        1e9, -1e9, 1e9, 'command unit', 'upper limit, for the saturated fraction', live=False
     )
 
     def topics(self) -> dict[str, str]:
@@ -112,6 +99,10 @@ class RecorderNode(LiveNode):
             self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
         ).value
         refuse_unknown(self)
+        self._run = RunSettings(
+            rate=self.pacing.rate,
+            **{name: getattr(self.settings, name) for name in declared(FigureSettings)},
+        )
         topics = self.settings.topics()
         self._columns = ['time', *topics]
         self._numbers: dict[str, int] = {}
@@ -134,7 +125,8 @@ class RecorderNode(LiveNode):
     # ---- the run ----
 
     def _open_run(self) -> None:
-        self.folder = RunFolder(Path(self.settings.directory).expanduser(), self._columns)
+        directory = Path(self.settings.directory).expanduser()
+        self.folder = RunFolder(directory, self._columns, self._run)
         self.metrics = Metrics()
         self.recording = True
         self.lost = dict.fromkeys(self._columns[1:], 0)
@@ -159,11 +151,7 @@ class RecorderNode(LiveNode):
             self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
 
     def _summary(self) -> dict[str, Any]:
-        return {
-            'metrics': self.metrics.values().as_dict(),
-            'rows': self._rows,
-            'rate': self.pacing.rate,
-            'error': self.settings.error,
+        return summary(self._run, self.metrics, self._rows) | {
             'samples_lost': sum(self.lost.values()),
             'samples_lost_by_signal': {name: n for name, n in self.lost.items() if n},
             'complete': not self.recording,
@@ -214,16 +202,7 @@ class RecorderNode(LiveNode):
         self._row(self._rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
 
     def _row(self, t: float, values: dict[str, float]) -> None:
-        settings = self.settings
-        command = values['command']
-        followed = values.get('tracking', nan)
-        if settings.error == 'reference' and values['reference'] == values['reference']:
-            followed = values['reference']
-        output = values.get('output', nan)
-        if output != output:
-            output = values['measurement']
-        saturated = command <= settings.command_min or command >= settings.command_max
-        self.metrics.add(t, self.pacing.period, followed - output, command, saturated)
+        self._run.add(self.metrics, t, values)
         self._rows += 1
         try:
             self.folder.write([t, *values.values()])

@@ -12,7 +12,7 @@ from typing import Any
 
 from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.recording import read_samples, RunFolder, SAMPLES, SUMMARY
+from nadrc_ros.recording import read_samples, RunFolder, RunSettings, SAMPLES, SUMMARY
 from probe import Probe, Processes
 import pytest
 
@@ -177,7 +177,7 @@ def test_a_reset_that_cannot_open_a_run_is_answered(
 
 
 def test_folders_of_one_second_do_not_meet(tmp_path: Path) -> None:
-    folders = [RunFolder(tmp_path, ['time']) for _ in range(5)]
+    folders = [RunFolder(tmp_path, ['time'], RunSettings()) for _ in range(5)]
     assert len({folder.path for folder in folders}) == 5
     for folder in folders:
         folder.close()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -24,3 +27,8 @@ def write_whole(path: Path, content: bytes) -> None:
         raise OSError(error.errno, 'there is no such folder', str(path.parent)) from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a document of finite numbers in full, or not at all."""
+    write_whole(path, (json.dumps(content, indent=2, allow_nan=False) + '\n').encode())

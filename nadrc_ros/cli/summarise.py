@@ -1,0 +1,48 @@
+"""`nadrc summarise`: the figures of merit of a recorded run, from its samples."""
+
+from pathlib import Path
+from typing import Annotated
+
+from nadrc_ros.cli.failure import complain, reporting
+import typer
+
+
+def summarise(
+    run: Annotated[Path, typer.Argument(help='Folder of the run: runs/<date>, with samples.csv.')],
+) -> None:
+    """
+    Write the summary.json that a killed recorder could not write.
+
+    The figures are those of the recorder, from the samples that reached the disk. A summary that
+    the recorder wrote at the end of the run is left as it is.
+
+    Example: nadrc summarise runs/20260101-120000
+    """
+    with reporting(str(run)):
+        from nadrc_ros.cli.table import print_figures_of_merit
+        from nadrc_ros.recording import summarise, SUMMARY
+        from nadrc_ros.simulation.metrics import MetricValues
+        from nadrc_ros.writing import write_json
+
+        content = summarise(run)
+        if content['complete'] is False:
+            complain(f'{run}: the last row was cut short and is left out')
+        print_figures_of_merit(
+            f'{run}, {content["rows"]} rows', {'': MetricValues(**content['metrics'])}
+        )
+        if _is_complete(run / SUMMARY):
+            typer.echo(f"{run / SUMMARY} is the recorder's own and stays")
+            return
+        write_json(run / SUMMARY, content)
+        typer.echo(f'summary {run / SUMMARY}')
+
+
+def _is_complete(path: Path) -> bool:
+    """Tell whether a summary was written at the end of its run, with what else was counted."""
+    import json
+
+    try:
+        content = json.loads(path.read_bytes())
+    except (FileNotFoundError, ValueError):
+        return False
+    return isinstance(content, dict) and content.get('complete') is True
