@@ -135,19 +135,19 @@ class Samples:
 
         """
         with self._file:
-            for number, line in enumerate(self._file, 2):
+            for place, line in enumerate(self._file, 2):
                 if not line.endswith('\n'):
                     self.cut = True
                     return
-                yield self._row(number, line[:-1].split(','))
+                yield self._row(place, line[:-1].split(','))
 
-    def _row(self, number: int, cells: list[str]) -> list[float]:
+    def _row(self, place: int, cells: list[str]) -> list[float]:
         try:
             row = [float(cell) if cell else nan for cell in cells]
         except ValueError:
             row = []
         if len(row) != len(self.names):
-            raise RecordingError(f'{SAMPLES}, line {number}: not {len(self.names)} numbers')
+            raise RecordingError(f'{SAMPLES}, line {place}: not {len(self.names)} numbers')
         return row
 
 
