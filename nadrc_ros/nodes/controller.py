@@ -198,7 +198,7 @@ class ControllerNode(LiveNode):
     ) -> None:
         controller = self.controller
         quiet = controller.quiet
-        applied = controller.command
+        applied, settings = controller.command, controller.settings
         command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
         resting = quiet and controller.quiet and self._sent in (None, command)
         if not resting or self.lockstep is not None:
@@ -209,6 +209,8 @@ class ControllerNode(LiveNode):
             self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
         if self._shown != (controller.mode, controller.cause):
             self._announce()
+        if controller.settings is not settings:
+            self._tell_if_jumped(applied, settings.command_rate_limit * elapsed)
 
     def _sender(self, topic: str) -> Sender:
         return Sender(self, topic) if self.lockstep is None else self.lockstep.add_output(topic)
@@ -219,11 +221,7 @@ class ControllerNode(LiveNode):
         topics += [f'~/level_{k + 1}/disturbance' for k in range(self.controller.design.levels)]
         for topic in topics:
             if topic not in self._senders:
-                self._senders[topic] = (
-                    Sender(self, topic)
-                    if self.lockstep is None
-                    else self.lockstep.add_output(topic)
-                )
+                self._senders[topic] = self._sender(topic)
 
     def _send_estimates(self) -> None:
         controller = self.controller
@@ -246,6 +244,17 @@ class ControllerNode(LiveNode):
         else:
             self.get_logger().warning(message)
         self.diagnostics.publish()
+
+    def _tell_if_jumped(self, applied: float, allowed: float) -> None:
+        """Log that a narrowed range was entered at once, which ranks above the rate limit."""
+        controller = self.controller
+        settings = controller.settings
+        outside = not settings.command_min <= applied <= settings.command_max
+        if outside and 0.0 < allowed < abs(controller.command - applied):
+            self.get_logger().warning(
+                f'the command jumps from {applied:g} to {controller.command:g}: the range from '
+                f'{settings.command_min:g} to {settings.command_max:g} is entered at once'
+            )
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         controller = self.controller
@@ -298,9 +307,18 @@ class ControllerNode(LiveNode):
         if self.lockstep is not None:
             self.lockstep.flush()
         if not self._silent and (self.lockstep is None or not self.lockstep.complete):
+            self._tell_if_cut_short()
             self._command.send_last(self.controller.settings.safe_command)
         if self.trace is not None:
             self.trace.close()
+
+    def _tell_if_cut_short(self) -> None:
+        safe, last = self.controller.settings.safe_command, self.controller.command
+        allowed = self.controller.settings.command_rate_limit * self.pacing.period
+        if 0.0 < allowed < abs(safe - last):
+            self.get_logger().warning(
+                f'the ramp to the safe command is cut short at {last:g}: {safe:g} is sent at once'
+            )
 
 
 def _describe(mode: Mode, cause: Cause) -> str:
