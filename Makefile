@@ -43,7 +43,7 @@ test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
-	python -m pytest test/ros # on their own: a loop in real time wants the cores
+	python -m pytest -n 2 --dist worksteal test/ros # on their own: a loop in real time wants the cores
 
 lint: $(VENV)/dev ## check style and types
 	@source $(VENV)/bin/activate
@@ -94,7 +94,7 @@ $(VENV)/run $(VENV)/dev: setup.py Makefile | $(VENV)/on-$(ROS)
 	@install() {
 		echo "make: installing $$1 ..."
 		shift
-		$(PY) -m pip install --no-input --disable-pip-version-check "$$@" > $(VENV)/pip.log 2>&1 && return
+		$(PY) -m pip install --no-compile --no-input --disable-pip-version-check "$$@" > $(VENV)/pip.log 2>&1 && return
 		tail -n 4 $(VENV)/pip.log >&2
 		$(call fail,pip could not install all of: $$(cat $(VENV)/wanted.txt | tr '\n' ' ')(see $(VENV)/pip.log))
 	}
