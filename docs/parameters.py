@@ -10,7 +10,12 @@ from nadrc_ros.adrc import ControllerSettings
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.nodes.controller import LoopSettings
 from nadrc_ros.nodes.pacing import PacingSettings
-from nadrc_ros.nodes.plant import disturbance_fields, noise_fields, PlantSettings
+from nadrc_ros.nodes.plant import (
+    disturbance_fields,
+    fault_fields,
+    noise_fields,
+    PlantSettings,
+)
 from nadrc_ros.nodes.recorder import RecorderSettings
 from nadrc_ros.nodes.reference import ReferenceSettings
 from nadrc_ros.simulation.plants import PLANTS
@@ -30,7 +35,9 @@ def page() -> str:
     tables: dict[str, Mapping[str, Declared]] = {
         'All nodes': declared(PacingSettings),
         'controller': declared(LoopSettings) | declared(ControllerSettings),
-        'plant': declared(PlantSettings) | noise_fields() | disturbance_fields(),
+        'plant': (
+            declared(PlantSettings) | noise_fields() | disturbance_fields() | fault_fields()
+        ),
         **{f'plant, with `plant: {name}`': declared(cls) for name, cls in PLANTS.items()},
         'reference': declared(ReferenceSettings) | signal_fields(),
         'recorder': declared(RecorderSettings),

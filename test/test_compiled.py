@@ -14,6 +14,13 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation import loop
 from nadrc_ros.simulation.compiled import _identity, announced
 from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
+from nadrc_ros.simulation.faults import (
+    COMMAND_KINDS,
+    CommandFault,
+    Faults,
+    MEASUREMENT_KINDS,
+    MeasurementFault,
+)
 from nadrc_ros.simulation.integrate import integrate, make_work
 from nadrc_ros.simulation.kernel import fields_of, kernel_for
 from nadrc_ros.simulation.many import run_metrics, simulate_many
@@ -170,6 +177,19 @@ def test_retunes_give_the_same_bits() -> None:
     result = both(chain(retunes=retunes))
     assert result.disturbances.shape[1] == 4
     assert np.isnan(result.disturbances[[10, 150, -1], 3]).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize('kind', MEASUREMENT_KINDS)
+def test_faults_give_the_same_bits(kind: str) -> None:
+    measurement = (
+        MeasurementFault(kind=kind, time=0.2, probability=0.6, start=0.5, duration=0.7),
+        MeasurementFault(kind='bias', size=0.01, start=1.0, duration=1.5),
+    )
+    command = tuple(
+        CommandFault(kind=kind, size=0.5, start=0.3 + 0.6 * i, duration=0.4)
+        for i, kind in enumerate(COMMAND_KINDS)
+    )
+    both(chain(faults=Faults(measurement=measurement, command=command)))
 
 
 def test_the_blocks_that_a_long_run_is_cut_into_do_not_show(

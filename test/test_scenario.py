@@ -101,6 +101,16 @@ def test_a_key_without_a_value_is_left_out() -> None:
     assert loads(SHORT + 'retune:\nnoise:\nlimits:\n') == loads(SHORT)
 
 
+def test_faults_arrive_and_are_dumped_again() -> None:
+    measurement = '[{kind: not_a_number, start: 1}, {kind: bias}]'
+    scenario = loads(f'{SHORT}faults: {{measurement: {measurement}, command: [{{kind: gain}}]}}')
+    first, second = scenario.faults.measurement
+    assert (first.kind, first.start, second.kind) == ('not_a_number', 1.0, 'bias')
+    assert [fault.kind for fault in scenario.faults.command] == ['gain']
+    assert scenario.experiment().faults == scenario.faults
+    assert loads(dump(scenario)) == scenario
+
+
 def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
     scenario = loads(SHORT.replace('{it: }', '{it: {b0: 3}}'))
     assert scenario.controllers['it'].b0 == 3.0
@@ -109,7 +119,19 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
 @pytest.mark.parametrize(
     ('old', 'new', 'message'),
     [
-        ('disturbance:', 'faults:', r'faults = .*: must be left out: allowed keys are plant, ref'),
+        ('disturbance:', 'fault:', r'fault = .*: must be left out: allowed keys are plant, ref'),
+        ('disturbance:', 'faults:', r"faults = 'decaying_cosine': must be a mapping"),
+        (
+            'seed: 7',
+            'faults: {clock: []}',
+            r'faults\.clock = \[\]: must be left out: .*measurement',
+        ),
+        ('seed: 7', 'faults: {command: 3}', r'faults\.command = 3: must be a list'),
+        (
+            'seed: 7',
+            'faults: {measurement: [{}, {kind: spick}]}',
+            r"faults\.measurement\[1\]\.kind = 'spick': must be one of none, silent",
+        ),
         ('variance: 1e-4', 'varianze: 1', r'noise\.varianze = 1: must be left out: .*sample_time'),
         ('variance: 1e-4', 'variance: -1', r'noise\.variance = -1\.0: must be a finite number'),
         ('seed: 7', 'seed: -7', r'^seed = -7: must be an integer'),

@@ -12,6 +12,7 @@ from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import dump, loads, PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.experiment import Retune
+from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import PLANTS
 from nadrc_ros.simulation.signals import SIGNALS
@@ -35,6 +36,10 @@ def values_of(field: Declared) -> st.SearchStrategy[Any]:
 def some_values(cls: type[Any], **fixed: Any) -> st.SearchStrategy[dict[str, Any]]:
     fields = {name: values_of(f) for name, f in declared(cls).items() if name not in fixed}
     return st.fixed_dictionaries({}, optional=fields).map(lambda values: values | fixed)
+
+
+def some(cls: type[Any]) -> st.SearchStrategy[Any]:
+    return some_values(cls).map(lambda values: cls(**values))
 
 
 @st.composite
@@ -66,6 +71,10 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             reference=draw(signals()),
             disturbance=draw(signals()),
             noise=Noise(**draw(some_values(Noise))),
+            faults=Faults(
+                measurement=tuple(draw(st.lists(some(MeasurementFault), max_size=2))),
+                command=tuple(draw(st.lists(some(CommandFault), max_size=2))),
+            ),
             controllers=controllers,
             retunes=tuple(Retune(time=t, settings={'levels': k}) for t, k in changes),
             rate=draw(st.floats(10, 1000)),

@@ -19,6 +19,7 @@ from nadrc_ros.nodes.recorder import DEFAULT_INPUTS, ESTIMATES
 from nadrc_ros.nodes.topics import reference_topics
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
+from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.simulation.signals import signal_fields
 import yaml
 
@@ -50,6 +51,7 @@ def node_parameters(
     }
     plant |= _typed(plant_fields(plant['plant'], plant['plant_class']), scenario.plant.values)
     plant |= {f'disturbance_{key}': value for key, value in scenario.disturbance.values.items()}
+    plant |= _fault_parameters(scenario)
     controller = {
         key: list(value) if isinstance(value, tuple) else value
         for key, value in attrs.asdict(settings).items()
@@ -75,6 +77,16 @@ def node_parameters(
         expected = '; '.join(f'{topic}: {" ".join(names)}' for topic, names in own.items())
         parameters |= pacing | {'readers': expected}
     return nodes
+
+
+def _fault_parameters(scenario: Scenario) -> Parameters:
+    parameters: Parameters = {}
+    for where, faults in attrs.asdict(scenario.faults).items():
+        if len(faults) > 1:
+            raise ScenarioError(f'faults.{where} has {len(faults)}, and a plant node takes one')
+        for fault in faults:
+            parameters |= {f'fault.{where}.{key}': value for key, value in fault.items()}
+    return parameters
 
 
 def recorded(settings: ControllerSettings) -> list[str]:

@@ -17,6 +17,13 @@ from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import Info, receive, Sender
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.specs import PlantSpec
+from nadrc_ros.simulation.faults import (
+    CommandFault,
+    Faults,
+    MEASUREMENT_KINDS,
+    MeasurementFault,
+    ONE_EACH,
+)
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 from nadrc_ros.simulation.process import Process
@@ -24,6 +31,10 @@ from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIG
 
 DISTURBANCE = 'disturbance_'
 NOISE = 'noise_'
+MEASUREMENT_FAULT = 'fault.measurement.'
+COMMAND_FAULT = 'fault.command.'
+# The stamps of samples are the middleware's.
+INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
 
 
 @attrs.frozen(kw_only=True)
@@ -83,10 +94,14 @@ class PlantNode(LiveNode):
         noise = ParameterGroup(
             self,
             noise_fields(),
-            lambda values: build(
-                Noise, {name.removeprefix(NOISE): v for name, v in values.items()}
-            ),
+            lambda values: build(Noise, {'seed': values['seed'], **_without(NOISE, values)}),
             lambda changed: self.process.noise.set_variance(changed.variance),
+        ).value
+        faults = ParameterGroup(
+            self,
+            fault_fields(),
+            self._make_faults,
+            lambda changed: self.process.inject(changed),  # noqa: PLW0108 there is none yet
         ).value
         refuse_unknown(self)
         state = settings.initial_state
@@ -94,7 +109,9 @@ class PlantNode(LiveNode):
             raise SettingError('initial_state', state, f'a list of 1 or {plant.states} entries')
         if len(state) == 1:
             state = state * plant.states
-        self.process = Process(plant, self._disturbances.value, noise, self.pacing.rate, state)
+        self.process = Process(
+            plant, self._disturbances.value, noise, self.pacing.rate, state, faults
+        )
         self._started = settings.start == 'at_once'
         self._command = settings.safe_command
         self._age = 0.0
@@ -138,6 +155,18 @@ class PlantNode(LiveNode):
             name=name, file=file, class_name=settings.plant_class, values=values
         ).make()
 
+    def _make_faults(self, values: dict[str, Any]) -> Faults:
+        measurement = build(
+            MeasurementFault, _without(MEASUREMENT_FAULT, values), MEASUREMENT_FAULT[:-1]
+        )
+        command = build(CommandFault, _without(COMMAND_FAULT, values), COMMAND_FAULT[:-1])
+        kinds = ONE_EACH if self.pacing.lockstep else INJECTABLE
+        if measurement.kind not in kinds:
+            raise SettingError(
+                MEASUREMENT_FAULT + 'kind', measurement.kind, 'one of ' + ', '.join(kinds)
+            )
+        return Faults(measurement=(measurement,), command=(command,))
+
     def _change(self, _: object) -> None:
         self.process.change(self._plants.value, self._disturbances.value)
 
@@ -173,8 +202,9 @@ class PlantNode(LiveNode):
             self._send_sample()
 
     def _advance(self, command: float) -> None:
-        self._truth.send(self.process.total_disturbance(command))
-        if not self.process.advance(command) and not self._diverged:
+        acting = self.process.act(command)
+        self._truth.send(self.process.total_disturbance(command, acting))
+        if not self.process.advance(acting) and not self._diverged:
             self._diverged = True
             self.get_logger().error(
                 f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '
@@ -182,7 +212,8 @@ class PlantNode(LiveNode):
             )
 
     def _send_sample(self) -> None:
-        self._measurement.send(self.process.measurement)
+        for sample in self.process.samples(self.process.measurement):
+            self._measurement.send(sample.value)
         self._output.send(self.process.output)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
@@ -225,12 +256,31 @@ def disturbance_fields() -> dict[str, Declared]:
     return fields | {DISTURBANCE + name: field for name, field in signal_fields().items()}
 
 
+def fault_fields() -> dict[str, Declared]:
+    """Return the parameters of the faults."""
+    fields = {
+        MEASUREMENT_FAULT + name: field for name, field in declared(MeasurementFault).items()
+    }
+    kind = MEASUREMENT_FAULT + 'kind'
+    fields[kind] = attrs.evolve(fields[kind], choices=INJECTABLE)
+    return fields | {COMMAND_FAULT + name: field for name, field in declared(CommandFault).items()}
+
+
 def _make_disturbance(values: dict[str, Any]) -> Signal:
     name = values.pop('disturbance')
     try:
-        return make_signal(name, {key.removeprefix(DISTURBANCE): v for key, v in values.items()})
+        return make_signal(name, _without(DISTURBANCE, values))
     except SettingError as error:
         raise SettingError(DISTURBANCE + error.name, error.value, error.allowed) from None
+
+
+def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values whose names begin so, by the rest of the name."""
+    return {
+        name.removeprefix(prefix): value
+        for name, value in values.items()
+        if name.startswith(prefix)
+    }
 
 
 def main() -> int:

@@ -15,6 +15,7 @@ from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.scenario import check_controller_name, Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.simulation.experiment import Retune
+from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant, PLANTS
 
@@ -23,6 +24,7 @@ KEYS = (
     'reference',
     'disturbance',
     'noise',
+    'faults',
     'seed',
     'rate',
     'duration',
@@ -32,6 +34,7 @@ KEYS = (
     'retune',
 )
 NEEDED = {'plant': 'plant: paper', 'reference': 'reference: cosine', 'controllers': 'controllers:'}
+FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
 LIMITS = ('command_min', 'command_max', 'command_rate_limit')
 
 
@@ -62,6 +65,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         reference=_signal(given['reference'], 'reference'),
         disturbance=_signal(given.get('disturbance', 'none'), 'disturbance'),
         noise=_noise(given.get('noise', {}), given.get('seed', 0)),
+        faults=_faults(given.get('faults', {})),
         controllers=_controllers(given['controllers'], limits, spec.make()),
         retunes=_retunes(given.get('retune', [])),
         **same,
@@ -82,6 +86,11 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         'reference': {'signal': scenario.reference.name, **scenario.reference.values},
         'disturbance': {'signal': scenario.disturbance.name, **scenario.disturbance.values},
         'noise': {'variance': noise.variance, 'sample_time': noise.sample_time},
+        'faults': {
+            where: [_not_default(fault) for fault in getattr(scenario.faults, where)]
+            for where in FAULTS
+            if getattr(scenario.faults, where)
+        },
         'seed': noise.seed,
         'rate': scenario.rate,
         'duration': scenario.duration,
@@ -133,6 +142,20 @@ def _noise(data: Any, seed: Any) -> Noise:
     return build(Noise, values | {'seed': seed}, 'noise')
 
 
+def _faults(data: Any) -> Faults:
+    values = _mapping(data, 'faults')
+    _refuse_unknown(values, tuple(FAULTS), 'faults')
+    found: dict[str, Any] = {}
+    for where, faults in values.items():
+        if not isinstance(faults, list):
+            raise SettingError(f'faults.{where}', faults, 'a list of {kind: ..., ...}')
+        found[where] = tuple(
+            build(FAULTS[where], _mapping(fault, f'faults.{where}[{i}]'), f'faults.{where}[{i}]')
+            for i, fault in enumerate(faults)
+        )
+    return Faults(**found)
+
+
 def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, ControllerSettings]:
     controllers = {}
     for name, values in _mapping(data, 'controllers').items():
@@ -172,10 +195,13 @@ def _retunes(data: Any) -> tuple[Retune, ...]:
 
 def _settings(settings: ControllerSettings) -> dict[str, Any]:
     """Return what differs from the defaults, and what would else come from the plant."""
-    always = ('plant_order', 'b0', 'structure')
+    return _not_default(settings, 'plant_order', 'b0', 'structure')
+
+
+def _not_default(settings: Any, *always: str) -> dict[str, Any]:
     return {
         name: getattr(settings, name)
-        for name, setting in declared(ControllerSettings).items()
+        for name, setting in declared(type(settings)).items()
         if name in always or getattr(settings, name) != setting.default
     }
 

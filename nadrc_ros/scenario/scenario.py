@@ -14,6 +14,7 @@ from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.scenario.user_plant import blame
 from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
+from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 
@@ -41,7 +42,9 @@ class Scenario:
     plant, reference, disturbance
         What to control, what to follow, what disturbs [unit of y^(n)].
     noise
-        Measurement noise, with the seed.
+        Measurement noise, with the seed of all that is random.
+    faults
+        What goes wrong with the sensor and the actuator.
     initial_state
         x(0), zeros if left out.
     rate, duration, error
@@ -65,6 +68,7 @@ class Scenario:
     controllers: dict[str, ControllerSettings]
     disturbance: SignalSpec = attrs.field(factory=SignalSpec)
     noise: Noise = attrs.field(factory=Noise)
+    faults: Faults = attrs.field(factory=Faults)
     initial_state: tuple[float, ...] = ()
     retunes: tuple[Retune, ...] = ()
     rate: float = _as_in_experiment('rate')
@@ -124,6 +128,7 @@ class Scenario:
             reference=self.reference.make(),
             disturbance=self.disturbance.make(),
             noise=self.noise,
+            faults=self.faults,
             initial_state=self.initial_state,
             retunes=self.retunes,
             rate=self.rate,

@@ -9,6 +9,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.loop import Kernel, LEVELS, Loop, WIDTH
 from nadrc_ros.simulation.metrics import metric_values, MetricValues
 from nadrc_ros.simulation.noise import Noise
@@ -34,7 +35,7 @@ class Retune:
 @attrs.frozen(kw_only=True)
 class Experiment:
     """
-    What is done to a controller: plant, signals, noise, rate, duration.
+    What is done to a controller: plant, signals, noise, faults, rate, duration.
 
     Raises
     ------
@@ -49,6 +50,7 @@ class Experiment:
     noise: Noise
     initial_state: tuple[float, ...]
     retunes: tuple[Retune, ...] = ()
+    faults: Faults = attrs.field(factory=Faults)
     rate: float = number(200.0, 1.0, 1e5, 'Hz', 'periods per second')
     duration: float = number(15.0, 1e-3, 1e6, 's', 'length of the run')
     error: str = choice(
@@ -77,7 +79,9 @@ class Experiment:
 
     def process(self) -> Process:
         """Return the plant at its initial state."""
-        return Process(self.plant, self.disturbance, self.noise, self.rate, self.initial_state)
+        return Process(
+            self.plant, self.disturbance, self.noise, self.rate, self.initial_state, self.faults
+        )
 
 
 @attrs.frozen(kw_only=True, eq=False)

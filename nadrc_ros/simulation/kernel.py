@@ -15,6 +15,7 @@ from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Watch
 from nadrc_ros.simulation.compiled import announced, check_methods, compiled_loop
+from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.integrate import make_work
 from nadrc_ros.simulation.loop import Array, Loop, WIDTH
 from nadrc_ros.simulation.plants.protocol import probe_state
@@ -129,6 +130,7 @@ def _agrees(kernel: Kernel, experiment: Experiment, probes: int) -> bool:
             initial_state=tuple(probe_state(plant.states, probe)),
             duration=max(PROBE_PERIODS * period, SHORTEST_RUN),
             retunes=(),
+            faults=Faults(),
         )
         plain, fast = Loop(short, settings), Loop(short, settings)
         rows = np.full((2, short.steps, WIDTH), np.nan)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil
+from math import ceil, nan
 from typing import TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
+from nadrc_ros.simulation.faults import Sample
 from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME, SIZE
 from nadrc_ros.simulation.remainder import accumulate_remainders
 from nadrc_ros.simulation.signals import Signal
@@ -25,6 +26,8 @@ LEVELS = 9
 WIDTH = LEVELS + MAX_LEVELS
 # Periods between two draws of noise: the memory of a run of any length.
 BLOCK = 8192
+# A stamp this far back [s] means that the clock was set back, not that a sample comes late.
+SET_BACK = 0.1
 
 # kernel(loop, stop, rows) advances the loop towards period ``stop``, up to which no setting
 # changes and there is noise. It stops before a period it cannot do, and returns False when it
@@ -60,6 +63,7 @@ class Loop:
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
         self.noise_start = 0
+        self._stamp = -1.0
         self._settings = settings
         self._changes = [
             (_first_period(retune.time, experiment.rate), retune.settings)
@@ -80,13 +84,20 @@ class Loop:
                 self.noise = process.noise.block(drawn, min(BLOCK, steps - drawn))
                 self.noise_start = drawn
                 drawn += len(self.noise)
-            if kernel is not None:
-                stop = min(drawn, self._changes[0][0]) if self._changes else drawn
+            if kernel is not None and self._regular():
+                stop = min(drawn, process.faults.next_begin(process.k))
+                stop = min(stop, self._changes[0][0]) if self._changes else stop
                 if process.k < stop and not kernel(self, stop, rows):
                     kernel = None
+                self._stamp = process.k - 1.0
                 if process.k == drawn:
                     continue
             self._period(rows)
+
+    def _regular(self) -> bool:
+        """Tell whether this period has its one sample, as the one before had."""
+        k = self.process.k
+        return self._stamp == k - 1.0 and not self.process.faults.acts(k)
 
     def _period(self, rows: Array) -> None:
         """Advance by one period in plain Python."""
@@ -98,12 +109,14 @@ class Loop:
             controller.retune(self._settings)
         r = sample_reference(experiment.reference, k, experiment.rate)
         y = process.output
-        measurement = y + float(self.noise[k - self.noise_start])
-        u = controller.tick(measurement, h, reference=r)
+        measured = y + float(self.noise[k - self.noise_start])
+        measurement, dt = self._take(process.samples(measured))
+        u = controller.tick(measurement, dt, elapsed=h, reference=r)
+        acting = process.act(u)
         followed = r[0] if experiment.error == 'reference' else controller.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
-        truth = process.total_disturbance(u) + (process.plant.b0 - now.b0) * u
+        truth = process.total_disturbance(u, acting) + (process.plant.b0 - now.b0) * u
         accumulate(self.acc, t, h, followed - y, u, saturated, SETTLE_TIME)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
@@ -121,7 +134,17 @@ class Loop:
                 *controller.disturbances,
             )
             rows[k, : len(row)] = row
-        process.advance(u)
+        process.advance(acting)
+
+    def _take(self, samples: list[Sample]) -> tuple[float, float]:
+        """Return the last sample that arrived, nan if none did, and the time it spans [s]."""
+        if not samples:
+            return nan, 0.0
+        value, stamp = samples[-1]
+        dt = (stamp - self._stamp) * self.experiment.period
+        if dt > 0.0 or dt < -SET_BACK:
+            self._stamp = stamp
+        return value, dt
 
 
 def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:

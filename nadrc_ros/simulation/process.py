@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from nadrc_ros.simulation.faults import Faults, Injector, Sample
 from nadrc_ros.simulation.integrate import Integrator, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.plants import Plant, total_disturbance
@@ -10,7 +11,7 @@ from nadrc_ros.simulation.signals import Signal
 
 class Process:
     """
-    A plant with its disturbance and its measurement noise, at t_k = k / rate.
+    A plant with its disturbance, its measurement noise and its faults, at t_k = k / rate.
 
     Parameters
     ----------
@@ -20,6 +21,8 @@ class Process:
         Periods per second [Hz].
     initial_state
         x(0), shape (states,).
+    faults
+        What goes wrong with its sensor and its actuator.
 
     """
 
@@ -30,8 +33,11 @@ class Process:
         noise: Noise,
         rate: float,
         initial_state: tuple[float, ...],
+        faults: Faults,
     ) -> None:
         self.rate = rate
+        self._seed = noise.seed
+        self.inject(faults)
         self.k = 0
         self.state = list(initial_state)
         self.noise = NoiseSource(noise, 1.0 / rate)
@@ -47,6 +53,10 @@ class Process:
         self.substeps = substeps_for(plant, 1.0 / self.rate)
         self._integrator = Integrator(plant, disturbance, self.substeps)
 
+    def inject(self, faults: Faults) -> None:
+        """Go on with other faults."""
+        self.faults = Injector(faults, 1.0 / self.rate, self._seed)
+
     @property
     def output(self) -> float:
         """Return the noise-free output y(t_k)."""
@@ -57,18 +67,31 @@ class Process:
         """Return the output with the noise of period k."""
         return self.output + self.noise.at(self.k)
 
-    def total_disturbance(self, command: float) -> float:
-        """Return L(t_k) = y^(n) - b0 u for the plant's nominal b0 and the command from t_k on."""
-        t = self.k / self.rate
-        self.disturbance.derivatives(t, self._w)
-        return total_disturbance(
-            self.plant, self.plant.b0, t, self.state, command, self._w[0], self._derivative
-        )
+    def total_disturbance(self, command: float, acting: float) -> float:
+        """
+        Return L(t_k) = y^(n) - b0 u for the plant's nominal b0 and the ``command`` u from t_k on.
 
-    def advance(self, command: float) -> bool:
-        """Hold ``command`` over one period; False if the plant diverged (it is then all nan)."""
+        ``acting`` is what the actuator makes of it.
+        """
+        t, b0 = self.k / self.rate, self.plant.b0
+        self.disturbance.derivatives(t, self._w)
+        unexplained = total_disturbance(
+            self.plant, b0, t, self.state, acting, self._w[0], self._derivative
+        )
+        return unexplained if acting == command else unexplained + b0 * (acting - command)
+
+    def samples(self, measurement: float) -> list[Sample]:
+        """Return what arrives of the measurement of period k: one sample, but for faults."""
+        return self.faults.deliver(self.k, measurement)
+
+    def act(self, command: float) -> float:
+        """Return what the actuator makes of the command; to be called once in each period."""
+        return self.faults.act(self.k, command)
+
+    def advance(self, acting: float) -> bool:
+        """Act so over one period; False if the plant diverged (it is then all nan)."""
         finite = self._integrator.advance(
-            self.k / self.rate, self.state, command, 1.0 / self.rate, self._next
+            self.k / self.rate, self.state, acting, 1.0 / self.rate, self._next
         )
         self.state, self._next = self._next, self.state
         self.k += 1

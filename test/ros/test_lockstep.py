@@ -34,6 +34,9 @@ plant: {name: paper, a3: 0.2}
 reference: {signal: cosine, frequency: 0.5}
 disturbance: {signal: sine, frequency: 1.0}
 noise: {variance: 1e-4, sample_time: 0.01}
+faults:
+  measurement: [{kind: not_a_number, probability: 0.1, start: 5, duration: 1}]
+  command: [{kind: gain, size: 0.6, start: 7}]
 seed: 3
 rate: 200
 duration: 10
@@ -83,9 +86,10 @@ def test_p18_the_graph_gives_the_bits_of_the_simulation(tmp_path: Path) -> None:
     for name, run in runs.items():
         assert run.summary['rows'] == 2000
         assert_same_bits(scenario, name, run)
-    # that the runs were worth comparing: noise is on, and the limits act
+    # that the runs were worth comparing: noise is on, the limits act, and so do the faults
     assert len(set(runs['nested'].samples['measurement'])) > 900
     assert any(run.summary['metrics']['saturated_fraction'] > 0.0 for run in runs.values())
+    assert sum(map(isnan, runs['nested'].samples['measurement'])) in range(8, 35)
     print(f'{len(runs) * 2000 / seconds:.0f} steps/s with the starts of all nodes')
 
 

@@ -1,0 +1,250 @@
+"""
+Faults on purpose: what goes wrong between plant and controller, from a time on and for a while.
+
+Each period the sample of the plant passes through the measurement faults in their order, and comes
+out changed, late, twice or not at all. The command passes through the command faults and comes out
+as what the actuator does. While it does not act, a fault remembers nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, copysign, expm1, inf, isfinite, nan
+from typing import Generic, NamedTuple, TypeVar
+
+import attrs
+from nadrc_ros.adrc.fields import choice, number
+import numpy as np
+
+NEVER = 2**62
+# A reordered sample comes when so many newer ones are there.
+OVERTAKEN = 2
+F = TypeVar('F', bound='Fault')
+
+
+class Sample(NamedTuple):
+    """A measurement on its way, and the period it was taken in, by the clock that stamps it."""
+
+    value: float
+    stamp: float
+
+
+class Acting(Generic[F]):
+    """A fault in one run: its settings, its random numbers, and what it remembers."""
+
+    def __init__(self, fault: F, period: float, seed: tuple[int, int]) -> None:
+        self.fault = fault
+        self.period = period
+        self.begin = _first_period(fault.start / period)
+        self.end = NEVER
+        if fault.duration > 0.0:
+            self.end = _first_period((fault.start + fault.duration) / period)
+        self.k = 0
+        self.held: float | None = None
+        self.late: list[tuple[int, Sample]] = []
+        self._generator = np.random.Generator(np.random.PCG64(seed))
+
+    def acts(self, k: int) -> bool:
+        """Tell whether it acts in period ``k``, and forget everything if it does not."""
+        self.k = k
+        acts = self.begin <= k < self.end
+        if not acts:
+            self.held = None
+            self.late.clear()
+        return acts
+
+    def hold(self, value: float) -> float:
+        """Return the first value since it began."""
+        if self.held is None:
+            self.held = value
+        return self.held
+
+    def uniform(self) -> float:
+        """Return a random number from 0 to 1."""
+        return float(self._generator.random())
+
+    def arrived(self) -> list[Sample]:
+        """Return the samples that were kept back until now."""
+        arrived = [sample for due, sample in self.late if due <= self.k]
+        self.late = [entry for entry in self.late if entry[0] > self.k]
+        return arrived
+
+
+# What becomes of one sample, of its value alone, of one command.
+Deliver = Callable[[Acting['MeasurementFault'], Sample], list[Sample]]
+Spoil = Callable[[Acting['MeasurementFault'], float], float]
+Act = Callable[[Acting['CommandFault'], float], float]
+
+
+def _spoilt(spoil: Spoil) -> Deliver:
+    return lambda acting, sample: [Sample(spoil(acting, sample.value), sample.stamp)]
+
+
+def _kept_back(periods: Callable[[Acting[MeasurementFault]], int]) -> Deliver:
+    def keep(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
+        acting.late.append((acting.k + periods(acting), sample))
+        return []
+
+    return keep
+
+
+def _jumped(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
+    return [Sample(sample.value, sample.stamp + acting.fault.time / acting.period)]
+
+
+def _slow(acting: Acting[MeasurementFault], value: float) -> float:
+    if not isfinite(value):
+        return value
+    before = acting.hold(value)
+    acting.held = before - (value - before) * expm1(-acting.period / acting.fault.time)
+    return acting.held
+
+
+def _quantised(acting: Acting[MeasurementFault], value: float) -> float:
+    steps = value / acting.fault.size
+    return acting.fault.size * round(steps) if isfinite(steps) else value
+
+
+def _rate_limited(acting: Acting[CommandFault], command: float) -> float:
+    before, change = acting.hold(command), abs(acting.fault.size) * acting.period
+    if abs(command - before) > change:
+        command = before + copysign(change, command - before)
+    acting.held = command
+    return command
+
+
+MEASUREMENT_KINDS: dict[str, Deliver] = {
+    'silent': lambda acting, sample: [],
+    'intermittent': lambda acting, sample: [],
+    'stuck': _spoilt(Acting.hold),
+    'garbage': _spoilt(lambda acting, y: acting.fault.size * (2.0 * acting.uniform() - 1.0)),
+    'bias': _spoilt(lambda acting, y: y + acting.fault.size),
+    'slow': _spoilt(_slow),
+    'not_a_number': _spoilt(lambda acting, y: nan),
+    'infinite': _spoilt(lambda acting, y: copysign(inf, acting.fault.size)),
+    'spike': _spoilt(lambda acting, y: y + copysign(acting.fault.size, acting.uniform() - 0.5)),
+    'quantised': _spoilt(_quantised),
+    'delayed': _kept_back(lambda acting: _first_period(acting.fault.time / acting.period)),
+    'duplicated': lambda acting, sample: [sample, sample],
+    'reordered': _kept_back(lambda acting: OVERTAKEN),
+    'clock_jump': _jumped,
+}
+# With these each period has its one sample.
+ONE_EACH = (
+    'none',
+    'stuck',
+    'garbage',
+    'bias',
+    'slow',
+    'not_a_number',
+    'infinite',
+    'spike',
+    'quantised',
+)
+COMMAND_KINDS: dict[str, Act] = {
+    'stuck': Acting.hold,
+    'reversed': lambda acting, u: -u,
+    'rate_limited': _rate_limited,
+    'gain': lambda acting, u: acting.fault.size * u,
+}
+
+
+@attrs.frozen(kw_only=True)
+class Fault:
+    """When a fault acts, and how much."""
+
+    size: float = number(
+        1.0, -1e12, 1e12, '', 'how much, in the unit that its kind asks for', nonzero=True
+    )
+    start: float = number(0.0, 0.0, 1e9, 's', 'when it begins')
+    duration: float = number(0.0, 0.0, 1e9, 's', 'how long it acts; 0 = to the end')
+
+
+@attrs.frozen(kw_only=True)
+class MeasurementFault(Fault):
+    """
+    What happens to measurements.
+
+    ``silent``: none arrives; ``intermittent``: some are lost; ``stuck``: the first is repeated;
+    ``garbage``: a random number within +-size; ``bias``: size is added; ``slow``: a first-order
+    lag of ``time``; ``not_a_number``; ``infinite``; ``spike``: +-size is added;
+    ``quantised`` in steps of size; ``delayed`` by ``time``; ``duplicated``: comes twice;
+    ``reordered``: comes two periods late, after newer ones; ``clock_jump``: the clock that stamps
+    them is ``time`` ahead.
+    """
+
+    kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'what happens to measurements')
+    time: float = number(0.1, 1e-6, 1e6, 's', 'delay, lag, or jump of the clock')
+    probability: float = number(1.0, 0.0, 1.0, '', 'share of the samples that are hit')
+
+
+@attrs.frozen(kw_only=True)
+class CommandFault(Fault):
+    """
+    What the actuator makes of commands.
+
+    ``stuck`` at the first one; ``reversed``; ``rate_limited`` to size per second; ``gain``: size
+    times the command, as if b0 were wrong by that factor.
+    """
+
+    kind: str = choice('none', ('none', *COMMAND_KINDS), 'what the actuator makes of commands')
+
+
+@attrs.frozen(kw_only=True)
+class Faults:
+    """All faults of a run, in the order in which they act on a sample or a command."""
+
+    measurement: tuple[MeasurementFault, ...] = ()
+    command: tuple[CommandFault, ...] = ()
+
+
+class Injector:
+    """The faults of one run with periods of ``period`` [s]; the same seed gives the same bits."""
+
+    def __init__(self, faults: Faults, period: float, seed: int) -> None:
+        self._measurement = [
+            Acting(fault, period, (seed, i))
+            for i, fault in enumerate(faults.measurement)
+            if fault.kind != 'none'
+        ]
+        self._command = [
+            Acting(fault, period, (seed, 0)) for fault in faults.command if fault.kind != 'none'
+        ]
+        self._windows = [(each.begin, each.end) for each in self._measurement]
+        self._windows += [(each.begin, each.end) for each in self._command]
+
+    def deliver(self, k: int, value: float) -> list[Sample]:
+        """Return the samples that arrive in period ``k``, in which ``value`` is measured."""
+        samples = [Sample(value, float(k))]
+        for acting in self._measurement:
+            if acting.acts(k):
+                samples = _pass_on(acting, samples)
+        return samples
+
+    def act(self, k: int, command: float) -> float:
+        """Return what the actuator does in period ``k``; to be called once in each."""
+        for acting in self._command:
+            if acting.acts(k):
+                command = COMMAND_KINDS[acting.fault.kind](acting, command)
+        return command
+
+    def acts(self, k: int) -> bool:
+        """Tell whether any fault acts in period ``k``."""
+        return any(begin <= k < end for begin, end in self._windows)
+
+    def next_begin(self, k: int) -> int:
+        """Return the first period from ``k`` on in which a fault begins."""
+        return min((begin for begin, _ in self._windows if begin >= k), default=NEVER)
+
+
+def _pass_on(acting: Acting[MeasurementFault], samples: list[Sample]) -> list[Sample]:
+    fault, passed = acting.fault, []
+    for sample in samples:
+        hit = fault.probability == 1.0 or acting.uniform() < fault.probability
+        passed += MEASUREMENT_KINDS[fault.kind](acting, sample) if hit else [sample]
+    return passed + acting.arrived()
+
+
+def _first_period(periods: float) -> int:
+    """Return the first period at or after so many, which rounding may have made a bit more."""
+    return ceil(periods - 1e-9 * max(1.0, periods))
