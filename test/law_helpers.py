@@ -7,6 +7,7 @@ from math import factorial
 import random
 from typing import Any
 
+from hypothesis import settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.law import blank_state, init, State, step
@@ -18,6 +19,11 @@ NAN = float('nan')
 INF = float('inf')
 ORDERS = (1, 2, 3, 4, 5)
 NAMES = tuple(STRUCTURES)
+
+
+def at_least(cases: int) -> settings:
+    """Try so many random cases; the profile `soak` tries more."""
+    return settings(max_examples=max(cases, settings().max_examples))
 
 
 def design_of(**values: Any) -> Design:

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from law_helpers import bits, Chain, INF, NAMES, NAN, noise, run_chain, state_bits, varied_settings
+from law_helpers import (
+    at_least,
+    bits,
+    Chain,
+    INF,
+    NAMES,
+    NAN,
+    noise,
+    run_chain,
+    state_bits,
+    varied_settings,
+)
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Status
@@ -23,7 +34,7 @@ def controller_of(case: str, **values: Any) -> Controller:
     return Controller(ControllerSettings(**CASES[case] | values))
 
 
-@settings(max_examples=500)
+@at_least(500)
 @given(
     st.sampled_from(sorted(CASES)),
     st.lists(

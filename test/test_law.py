@@ -5,9 +5,10 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import (
+    at_least,
     Chain,
     copy_of,
     design_of,
@@ -106,9 +107,33 @@ def test_p03_the_clamp_does_not_turn_nan_into_full_actuator(value: float) -> Non
 
 ANY = st.one_of(st.floats(), st.sampled_from((*BAD, 0.0, 5e-324, -5e-324, 9.9e99, -9.9e99)))
 TIMES = st.one_of(st.floats(1e-9, 1.0), st.just(H), ANY)
+NOT_FINITE = st.sampled_from((NAN, INF, -INF))
 
 
-@settings(max_examples=2000)
+@at_least(2000)
+@given(
+    st.sampled_from(sorted(CASES)),
+    st.lists(st.tuples(ANY, ANY, TIMES), max_size=5),
+    st.sampled_from(('reference', 'measurement', 'both')),
+    st.tuples(NOT_FINITE, NOT_FINITE, ANY, ANY, TIMES),
+)
+def test_p01_nothing_but_numbers_enters_whatever_was_before(
+    case: str,
+    before: list[tuple[float, float, float]],
+    bad: str,
+    values: tuple[float, float, float, float, float],
+) -> None:
+    law = Law(design_of(**CASES[case], max_dt=3600.0))
+    for r, y, dt in before:
+        law.step([r], y, dt)
+    bad_r, bad_y, r, y, dt = values
+    state = state_bits(law.state)
+    law.step([r if bad == 'measurement' else bad_r], y if bad == 'reference' else bad_y, dt)
+    assert law.status >= Status.NO_MEASUREMENT
+    assert state_bits(law.state) == state
+
+
+@at_least(2000)
 @given(
     st.sampled_from(sorted(CASES)),
     st.lists(st.tuples(ANY, ANY, ANY, ANY, TIMES), min_size=1, max_size=12),

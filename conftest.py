@@ -1,0 +1,26 @@
+"""What `make soak` asks for: longer runs of the tests of promise 20, and more random cases."""
+
+from hypothesis import settings
+import pytest
+
+settings.register_profile('soak', max_examples=100_000, deadline=None)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add what the tests of promise 20 read."""
+    parser.addoption('--soak', action='store_true', help='ten minutes of faults, not one')
+    parser.addoption('--seed', type=int, default=1, help='seed of these faults')
+
+
+@pytest.fixture
+def soak(request: pytest.FixtureRequest) -> bool:
+    """Tell whether this is the long run."""
+    return bool(request.config.getoption('--soak'))
+
+
+@pytest.fixture
+def seed(request: pytest.FixtureRequest) -> int:
+    """Return the seed, and print it."""
+    seed = int(request.config.getoption('--seed'))
+    print(f'seed {seed}')
+    return seed
