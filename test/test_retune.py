@@ -43,6 +43,8 @@ VALUES: dict[str, tuple[Any, ...]] = {
     'command_max': (31.0, 1e9),
     'command_rate_limit': (0.0, 1e3, 1e12),
     'safe_command': (0.0, -1.0),
+    'measurement_min': (-1e3, -1e15),
+    'measurement_max': (1e3, 1e15),
     'measurement_timeout': (0.0, 1.0),
     'reference_timeout': (0.0, 1.0),
     'hold_time': (0.0, 1.0),

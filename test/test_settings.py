@@ -72,7 +72,7 @@ def test_p13_a_setting_is_taken_or_refused_and_nothing_else(value: Any) -> None:
         try:
             taken = ControllerSettings(**{name: value})
         except SettingError as error:
-            assert error.name in (name, 'command_min', 'safe_command')
+            assert error.name in (name, 'command_min', 'measurement_min', 'safe_command')
         else:
             assert FIELDS[name].accepts(getattr(taken, name))
 
@@ -84,6 +84,7 @@ def test_p13_a_setting_is_taken_or_refused_and_nothing_else(value: Any) -> None:
         ({'b0': -0.0}, 'b0'),
         ({'command_min': 5.0, 'command_max': 5.0, 'safe_command': 5.0}, 'command_min'),
         ({'command_max': -200.0}, 'command_min'),
+        ({'measurement_min': 3.0, 'measurement_max': 3.0}, 'measurement_min'),
         ({'safe_command': 101.0}, 'safe_command'),
         ({'command_min': 1.0}, 'safe_command'),
         ({'pole_ratios': ()}, 'pole_ratios'),

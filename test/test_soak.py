@@ -9,8 +9,8 @@ from typing import Any
 
 from law_helpers import Chain, INF, NAN, varied_settings
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.law import LARGEST, State
-from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.law import State
+from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Mode
 import pytest

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import sin
 
-from law_helpers import Chain
+from law_helpers import Chain, state_bits
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.adrc.supervisor import Cause
 import pytest
 
 H = 0.01
@@ -93,7 +95,27 @@ def test_the_last_pole_ratio_counts_for_the_rest() -> None:
 def test_p04_an_absurd_sample_is_no_sample() -> None:
     controller = Controller(ControllerSettings())
     controller.tick(0.0, H, reference=[0.0])
-    controller.tick(1e15, H)
+    controller.tick(1.1e15, H)
     assert controller.status == Status.NO_MEASUREMENT
     controller.tick(NAN, H)
     assert controller.status == Status.NO_MEASUREMENT
+
+
+def test_p04_a_glitch_outside_the_range_of_the_sensor_is_no_sample() -> None:
+    settings = ControllerSettings(measurement_min=-1.0, measurement_max=2.0)
+    controller, untouched = Controller(settings), Controller(settings)
+    for k in range(200):
+        y = 0.3 * sin(0.05 * k)
+        same = controller.tick(y, H, reference=[0.0])
+        assert same == untouched.tick(y, H, reference=[0.0])
+    for glitch in (2.0001, -1.0001, 1e3, -1e14):
+        before = state_bits(controller.state)
+        assert controller.tick(glitch, H) == same
+        assert controller.status == Status.NO_MEASUREMENT
+        assert state_bits(controller.state) == before
+    for limit in (2.0, -1.0):
+        controller.tick(limit, H)
+        assert controller.status < Status.NO_MEASUREMENT
+    fresh = Controller(settings)
+    fresh.tick(50.0, H, reference=[0.0])
+    assert fresh.cause == Cause.START

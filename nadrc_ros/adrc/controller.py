@@ -13,7 +13,6 @@ from nadrc_ros.adrc.law import (
     blank_state,
     clamp,
     disturbance_estimate,
-    LARGEST,
     limit,
     meet,
     output_estimate,
@@ -23,7 +22,7 @@ from nadrc_ros.adrc.law import (
     State,
     step,
 )
-from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
 from nadrc_ros.adrc.status import NO_MEASUREMENT, SATURATED, Status
 from nadrc_ros.adrc.supervisor import (
     Cause,
@@ -66,7 +65,8 @@ def tick(
     span = watch.gap + dt
     if not dt > 0.0:
         dt = 0.0
-    if watch.measurement_age == inf and -LARGEST < measurement < LARGEST:
+    possible = design.measurement_min <= measurement <= design.measurement_max
+    if possible and watch.measurement_age == inf:
         if watch.reference_age == inf and not referenced:
             _hold(reference, measurement)
         start(design, measurement, applied, reference[0], state)
@@ -173,7 +173,8 @@ class Controller:
             applied = self.command
         if elapsed is None:
             elapsed = dt
-        if self._restart and -LARGEST < measurement < LARGEST:
+        low, high = self.design.measurement_min, self.design.measurement_max
+        if self._restart and low <= measurement <= high:
             start(self.design, measurement, applied, self.reference[0], self.state)
             if self.watch.mode == MODE_OK:
                 self.watch = self.watch._replace(mode=HOLDING, good=0)

@@ -51,6 +51,8 @@ class Design(NamedTuple):
     command_max: float
     command_rate_limit: float
     safe_command: float
+    measurement_min: float
+    measurement_max: float
     max_dt: float
     measurement_timeout: float
     reference_timeout: float
@@ -98,6 +100,8 @@ def make_design(settings: ControllerSettings) -> Design:
         command_max=settings.command_max,
         command_rate_limit=settings.command_rate_limit,
         safe_command=settings.safe_command,
+        measurement_min=settings.measurement_min,
+        measurement_max=settings.measurement_max,
         max_dt=settings.max_dt,
         measurement_timeout=settings.measurement_timeout,
         reference_timeout=settings.reference_timeout,

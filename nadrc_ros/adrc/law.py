@@ -15,6 +15,7 @@ from nadrc_ros.adrc.design import Design, Matrix, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.feedback import feedback
 from nadrc_ros.adrc.observer import update
+from nadrc_ros.adrc.settings import LARGEST
 from nadrc_ros.adrc.status import (
     BAD_REFERENCE,
     BAD_TIME_STEP,
@@ -25,8 +26,6 @@ from nadrc_ros.adrc.status import (
     SATURATED,
 )
 
-# No sensor reads this; what is larger counts as no number at all.
-LARGEST = 1e15
 # Resolution of a time stamp [s].
 SHORTEST = 1e-9
 
@@ -133,7 +132,7 @@ def step(
         inside the limits.
 
     """
-    if not -LARGEST < measurement < LARGEST:
+    if not design.measurement_min <= measurement <= design.measurement_max:
         return _refuse(design, state, applied, out, NO_MEASUREMENT)
     if not dt >= SHORTEST:
         return _refuse(design, state, applied, out, BAD_TIME_STEP)

@@ -8,6 +8,8 @@ from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
+# No sensor reads this; what is larger counts as no number at all.
+LARGEST = 1e15
 # How many derivatives of the reference have a topic: the rate and the acceleration.
 REFERENCE_DERIVATIVES = 2
 
@@ -20,8 +22,8 @@ class ControllerSettings:
     Raises
     ------
     SettingError
-        For a wrong type, a value that is not finite or out of range, ``command_min >=
-        command_max``, a ``safe_command`` outside the limits, or a list of the wrong length.
+        For a wrong type, a value that is not finite or out of range, a minimum that is not below
+        its maximum, a ``safe_command`` outside the limits, or a list of the wrong length.
 
     """
 
@@ -134,6 +136,20 @@ class ControllerSettings:
         'command unit',
         'command when there is nothing to control with; inside the limits',
     )
+    measurement_min: float = number(
+        -LARGEST,
+        -LARGEST,
+        LARGEST,
+        'output unit',
+        'what the sensor cannot read: a measurement below counts as none',
+    )
+    measurement_max: float = number(
+        LARGEST,
+        -LARGEST,
+        LARGEST,
+        'output unit',
+        'what the sensor cannot read: a measurement above counts as none',
+    )
     measurement_timeout: float = number(
         0.25,
         0.0,
@@ -153,10 +169,10 @@ class ControllerSettings:
     good_samples: int = integer(3, 1, 1000000, 'valid samples in a row that end a fault')
 
     def __attrs_post_init__(self) -> None:
-        if not self.command_min < self.command_max:
-            raise SettingError(
-                'command_min', self.command_min, f'below command_max = {self.command_max!r}'
-            )
+        for signal in ('command', 'measurement'):
+            low, high = getattr(self, f'{signal}_min'), getattr(self, f'{signal}_max')
+            if not low < high:
+                raise SettingError(f'{signal}_min', low, f'below {signal}_max = {high!r}')
         if not self.command_min <= self.safe_command <= self.command_max:
             raise SettingError(
                 'safe_command',

@@ -23,7 +23,8 @@ from typing import Any
 
 from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
 from nadrc_ros.adrc.controller import tick
-from nadrc_ros.adrc.law import disturbance_estimate, LARGEST, output_estimate
+from nadrc_ros.adrc.law import disturbance_estimate, output_estimate
+from nadrc_ros.adrc.settings import LARGEST
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import LEVELS
 from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME
