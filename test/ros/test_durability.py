@@ -22,13 +22,15 @@ PLANT: dict[str, Any] = {
     'disturbance': 'sine',
     'disturbance_amplitude': 5.0,
 }
-LIMITS = {'command_min': -3.0, 'command_max': 3.0}
+LIMITS: dict[str, Any] = {'command_min': -3.0, 'command_max': 3.0}
 DERIVED = ('samples_lost', 'samples_lost_by_signal', 'complete')
 
 
 def recorders(start: Processes, directory: Path, count: int) -> dict[str, NodeProcess]:
     """Start recorders with the same place to write to, all at once."""
-    settings = {'rate': RATE, 'directory': str(directory), 'error': 'tracking', **LIMITS}
+    settings: dict[str, Any] = {'rate': RATE, 'directory': str(directory), **LIMITS}
+    # so few columns that the buffer of the file would last for more than a second
+    settings |= {'inputs': 'reference measurement command tracking', 'error': 'tracking'}
     return {
         name: start('recorder', '-r', f'__node:={name}', **settings)
         for name in (f'recorder_{i}' for i in range(count))
