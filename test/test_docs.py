@@ -13,21 +13,31 @@ from typing import Any
 
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.nodes.plant import disturbance_fields, noise_fields
+from nadrc_ros.nodes.controller import LoopSettings
+from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.nodes.plant import disturbance_fields, fault_fields, noise_fields
+from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.signals import signal_fields
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
-BLOCKS = re.findall(r'```(\w+)\n(.*?)```', README, re.DOTALL)
+SAFETY = (ROOT / 'docs' / 'safety.md').read_text(encoding='utf-8')
+BLOCKS = re.findall(r'```(\w+)\n(.*?)```', README + SAFETY, re.DOTALL)
 BASH = [
     line.split('  #')[0] for kind, text in BLOCKS if kind == 'bash' for line in text.splitlines()
 ]
+YAML = [yaml.safe_load(text) for kind, text in BLOCKS if kind == 'yaml']
 NADRC = [line for line in BASH if line.startswith('nadrc ')]
 NODES = [line for line in BASH if line.startswith('ros2 run ')]
 PARAMETERS: dict[str, dict[str, Declared]] = {
-    'controller': declared(ControllerSettings),
-    'plant': disturbance_fields() | noise_fields(),
+    'controller': {
+        **declared(ControllerSettings),
+        **declared(PacingSettings),
+        **declared(LoopSettings),
+    },
+    'plant': disturbance_fields() | noise_fields() | fault_fields(),
     'reference': {
         **declared(import_module('nadrc_ros.nodes.reference').ReferenceSettings),
         **signal_fields(),
@@ -68,22 +78,48 @@ def test_the_nodes_and_parameters_that_are_started_exist(command: str) -> None:
 
 def test_the_parameters_that_are_set_exist() -> None:
     changes = [shlex.split(line)[3:] for line in BASH if line.startswith('ros2 param set')]
-    assert len(changes) >= 3
+    assert len(changes) >= 7
     for node, name, value in changes:
         assert _accepts(PARAMETERS[node.strip('/')][name], value)
 
 
-def test_the_parameter_page_is_up_to_date() -> None:
+def test_the_parameters_for_a_first_run_fit_together() -> None:
+    (values,) = (page['/controller']['ros__parameters'] for page in YAML if '/controller' in page)
+    for name, value in values.items():
+        assert PARAMETERS['controller'][name].accepts(value), name
+    law = {name: value for name, value in values.items() if name in declared(ControllerSettings)}
+    ControllerSettings(**law).check_rate(values['rate'])
+
+
+def test_the_faults_of_the_example_load() -> None:
+    (faults,) = (page for page in YAML if 'faults' in page)
+    scenario = from_mapping(
+        {'plant': 'paper', 'reference': 'cosine', 'controllers': {'it': {}}, **faults}, ROOT
+    )
+    assert len(scenario.faults.measurement) == 2 and len(scenario.faults.command) == 1
+
+
+@pytest.mark.parametrize('page', ['parameters', 'safety'])
+def test_what_is_generated_is_up_to_date(page: str) -> None:
     sys.path.insert(0, str(ROOT / 'docs'))
-    generator: Any = import_module('parameters')
+    generator: Any = import_module(page)
     assert generator.page() == generator.PAGE.read_text(encoding='utf-8')
 
 
-@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md'])
-def test_links_lead_somewhere(page: str) -> None:
-    text = (ROOT / page).read_text(encoding='utf-8')
+def test_every_promise_has_a_test() -> None:
+    rows = re.findall(r'^\| (\d+) \| .* \| (.*) \|$', SAFETY, re.MULTILINE)
+    assert [int(number) for number, _ in rows] == list(range(1, 21))
+    assert all('](../test/' in tests for _, tests in rows)
+
+
+PAGES = [path for folder in (ROOT, ROOT / 'docs') for path in folder.glob('*.md')]
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda path: path.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding='utf-8')
     for target in re.findall(r'\]\((?!https?:)([^)#]+)', text):
-        assert (ROOT / target).exists(), target
+        assert (page.parent / target).exists(), target
 
 
 def _accepts(field: Declared, value: str) -> bool:

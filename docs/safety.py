@@ -1,0 +1,138 @@
+"""Writes the generated parts of docs/safety.md: `python docs/safety.py`."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import product
+from math import inf
+from pathlib import Path
+import re
+
+from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.supervisor import Cause, Mode, supervise, Watch
+
+PAGE = Path(__file__).with_name('safety.md')
+TESTS = PAGE.parents[1] / 'test'
+PROMISES = (
+    'A measurement or reference that is no number never enters the observer: its state stays the '
+    'same to the bit, and the status says so.',
+    'No command that is no number or outside its limits is ever published, whatever comes in.',
+    'What is no number never becomes full actuator: it is sorted out before the clamp.',
+    'No poison: after bad samples the loop is back in its band within a stated number of good '
+    'ones.',
+    'The command changes by at most rate limit x time, also at a start, a retune, a switch of '
+    'structure and at both ends of a fault. Two exceptions, both logged: a range that is narrowed '
+    'is entered at once, and at a stop the ramp ends after 0.5 s with the safe command.',
+    'The observers are driven by the command that was applied: ten seconds in saturation leave no '
+    'windup that grows, and a bounded overshoot.',
+    'When no valid measurement comes for `measurement_timeout`, the fault action starts within '
+    'one period and /diagnostics says ERROR: hold for at most `hold_time`, then to '
+    '`safe_command` at the rate limit.',
+    'Before the first valid measurement only the safe command is sent; before the first reference '
+    'the first valid measurement is held.',
+    'Late, duplicated or reordered samples, and stamps from the future, are counted and do not '
+    'corrupt the estimate.',
+    'A time step that is not positive updates nothing; after more than `max_dt`, or a jump of the '
+    'clock, the observers restart without a bump.',
+    'Enabling is bumpless: the first command is the last applied or the safe one, to 1e-9.',
+    'A live change of parameters is atomic, acts between two steps, and leaves the command of the '
+    'present sample as it is, to 1e-9.',
+    'An invalid parameter is refused with a reason that names it, and what `get_parameters` shows '
+    'is what runs. An invalid parameter file ends the start with a message and exit code 1.',
+    'After disabling, SIGINT, SIGTERM or an exception the last published command is the safe one; '
+    'a signal ends the process with 0 within a second.',
+    'The plant does not trust the controller: it falls to its own safe command after '
+    '`command_timeout`.',
+    'No request from outside ends a node: wrong types, unknown parameters, garbage, odd QoS.',
+    'Overload is visible and bounded: no burst to catch up, missed periods are counted.',
+    'Deterministic: the same inputs give the same bits. A lockstep run replays from the scenario, '
+    "a real-time run from the controller's `trace`, to the published commands.",
+    'Of several faults the most severe acts; leaving one takes `good_samples` good samples; each '
+    'transition is logged once.',
+    'Under random faults for a long time nothing grows, the log is not flooded, and no record is '
+    'lost.',
+)
+DESIGN = make_design(ControllerSettings(reference_timeout=1.0))
+# enabled, measured, referenced, ages of the last valid measurement and reference before the tick
+PRESENT = {
+    Cause.NONE: (True, True, True, 0.0, 0.0),
+    Cause.REFERENCE_TIMEOUT: (True, True, False, 0.0, 10.0),
+    Cause.MEASUREMENT_TIMEOUT: (True, False, True, 10.0, 0.0),
+    Cause.START: (True, False, True, inf, 0.0),
+    Cause.DISABLED: (False, True, True, 0.0, 0.0),
+}
+
+
+def promise_table() -> str:
+    """Return the promises with the tests that hold them."""
+    found: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for path in sorted(TESTS.rglob('test_*.py')):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith('test_p'):
+                for number, words in _promises(node.name):
+                    found[number][str(path.relative_to(PAGE.parents[1]))].append(words)
+    rows = ['| | promise | tests |', '|---|---|---|']
+    for number, promise in enumerate(PROMISES, 1):
+        tests = '<br>'.join(
+            f'[{Path(name).stem.removeprefix("test_")}](../{name}): ' + '; '.join(words)
+            for name, words in found[number].items()
+        )
+        rows.append(f'| {number} | {promise} | {tests} |')
+    return '\n'.join(rows)
+
+
+def _promises(name: str) -> Iterator[tuple[int, str]]:
+    """Yield the numbers in a test's name, each with the words that follow it."""
+    for part in re.finditer(r'p(\d\d)_((?:(?!p\d\d_).)*)', name):
+        words = part[2].strip('_') or re.sub(r'.*p\d\d_', '', name)
+        yield int(part[1]), words.replace('_', ' ')
+
+
+def state_diagram() -> str:
+    """Return what the fault policy does, as it does it: every transition from every state."""
+    edges: dict[tuple[Mode, Mode], set[str]] = defaultdict(set)
+    for mode, cause in product(Mode, Cause):
+        if (mode == Mode.OK) != (cause == Cause.NONE):
+            continue
+        for present, (enabled, measured, referenced, y_age, r_age) in PRESENT.items():
+            if present == Cause.START and mode != Mode.SAFE:
+                continue  # there was a measurement, or it would not have left SAFE
+            stimuli = {_name(present): (0.0, False)}
+            if cause not in (Cause.NONE, Cause.DISABLED):
+                stimuli |= {
+                    'hold_time is over': (10.0, False),
+                    'safe_command reached': (0.0, True),
+                }
+            for label, (age, at_safe) in stimuli.items():
+                before = Watch(mode, cause, y_age, r_age, age, DESIGN.good_samples)
+                plain = before._replace(fault_age=0.0)
+                arguments = enabled, measured, referenced
+                after = supervise(DESIGN, before, *arguments, at_safe, 0.01, 0.01).mode
+                same = supervise(DESIGN, plain, *arguments, False, 0.01, 0.01).mode
+                if after != mode and (label == _name(present) or after != same):
+                    edges[mode, Mode(after)].add(label)
+    lines = ['stateDiagram-v2', '    direction LR', '    [*] --> SAFE: start']
+    for (before_mode, after_mode), labels in sorted(edges.items()):
+        lines.append(f'    {before_mode.name} --> {after_mode.name}: {", ".join(sorted(labels))}')
+    return '```mermaid\n' + '\n'.join(lines) + '\n```'
+
+
+def _name(cause: Cause) -> str:
+    return 'good samples' if cause == Cause.NONE else cause.name.lower()
+
+
+def page() -> str:
+    """Return the page with its generated parts as they have to be."""
+    text = PAGE.read_text(encoding='utf-8')
+    for name, part in (('promises', promise_table()), ('states', state_diagram())):
+        marks = f'<!-- {name} -->', f'<!-- end of {name} -->'
+        before, rest = text.split(marks[0])
+        text = f'{before}{marks[0]}\n\n{part}\n\n{marks[1]}{rest.split(marks[1])[1]}'
+    return text
+
+
+if __name__ == '__main__':
+    PAGE.write_text(page(), encoding='utf-8')
