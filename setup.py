@@ -51,6 +51,7 @@ setup(
         ],
         'speed': ['numba'],
         'test': ['pytest', 'pytest-xdist', 'hypothesis', 'pyadrc==0.6.1'],
+        'bench': ['pyadrc==0.6.1', 'simple-pid==2.0.1'],
         'lint': [
             'ruff',
             'mypy',
