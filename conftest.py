@@ -12,13 +12,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption('--seed', type=int, default=1, help='seed of these faults')
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def soak(request: pytest.FixtureRequest) -> bool:
     """Tell whether this is the long run."""
     return bool(request.config.getoption('--soak'))
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def seed(request: pytest.FixtureRequest) -> int:
     """Return the seed, and print it."""
     seed = int(request.config.getoption('--seed'))

@@ -1,0 +1,32 @@
+"""Whether a recorder lost anything that it did not count."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import json
+from pathlib import Path
+
+from nadrc_ros.recording import read_samples, SUMMARY
+
+
+def check_rows(
+    folder: Path, rate: float, published: Iterable[tuple[float, int]]
+) -> tuple[int, int]:
+    """
+    Compare a run, row by row, with ``published`` measurements and their publication numbers.
+
+    Some of these may be missing; no two values may be the same. Return how many rows there are,
+    and how many measurements the recorder says that it lost.
+    """
+    numbers = dict(published)
+    samples = read_samples(folder)
+    indices = [round(t * rate) for t in samples['time']]
+    rows = list(zip(indices, samples['measurement']))
+    first = next(numbers[value] - index for index, value in rows if value in numbers)
+    for index, value in rows:
+        assert numbers.get(value, first + index) == first + index
+    summary = json.loads((folder / SUMMARY).read_text(encoding='utf-8'))
+    lost: int = summary['samples_lost_by_signal'].get('measurement', 0)
+    assert summary['rows'] == len(indices)
+    assert len(indices) + lost == indices[-1] + 1
+    return len(indices), lost
