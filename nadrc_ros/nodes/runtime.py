@@ -17,6 +17,7 @@ from nadrc_ros.nodes.parameters import (
     refuse_unknown_types,
 )
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import (
     InvalidParameterException,
     InvalidParameterTypeException,
@@ -30,6 +31,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 POLL = 0.05
+LONG = 60.0
 STOP_TIME = 0.5
 BAD_START = (
     UserError,
@@ -86,14 +88,32 @@ def make_executor() -> Executor:
     return EventsExecutor()
 
 
-def spin_for(executor: Executor, seconds: float) -> None:
+def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> None:
     """
-    Run callbacks for a short time.
+    Run callbacks for some time, or until ``done`` is.
 
     An untimed spin of the EventsExecutor of rclpy 7.1.6 never returns (a time overflow, mended in
     7.1.8), so nothing here spins without a timeout.
     """
-    executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+    executor.spin_until_future_complete(done or Future(), timeout_sec=seconds)
+
+
+def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> None:
+    """
+    Run callbacks until ``over()``, which is looked at every POLL seconds.
+
+    It is a timer of the node that looks: each return of a spin leaks memory in rclpy 7.1.6, and
+    one that returns after every callback (``spin_once``) misses periods of fast timers.
+    """
+    done = Future()
+
+    def look() -> None:
+        if over():
+            done.set_result(None)
+
+    node.create_timer(POLL, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    while not done.done():
+        spin_for(executor, LONG, done)
 
 
 def run(make_node: Callable[[], LiveNode]) -> int:
@@ -127,8 +147,7 @@ def run(make_node: Callable[[], LiveNode]) -> int:
     gc.freeze()  # a full collection in mid-run would stop the loop for milliseconds
     code = 0
     try:
-        while not signals and not node.finished:
-            spin_for(executor, POLL)
+        spin_until(executor, node, lambda: signals or node.finished)
         node.begin_stop()
         end = time.monotonic() + STOP_TIME
         while not node.stopped and time.monotonic() < end:
