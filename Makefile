@@ -4,7 +4,7 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test lint build clean distclean
+.PHONY: help demo paper test soak lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
@@ -44,6 +44,14 @@ test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	python -m pytest -n 2 --dist worksteal test/ros # on their own: a loop in real time wants the cores
+
+soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repeats those of that run)
+	@$(ACTIVATE)
+	seed=$(or $(SEED),$$RANDOM)
+	echo "make: these are the faults of: make soak SEED=$$seed"
+	python -m pytest -s --soak --seed $$seed test/ros/test_graph_soak.py
+	python -m pytest -n 2 --hypothesis-profile=soak --hypothesis-seed=$$seed --soak --seed $$seed \
+		-k 'p01 or p02 or p03 or p20' test/test_law.py test/test_controller.py test/test_soak.py
 
 lint: $(VENV)/dev ## check style and types
 	@source $(VENV)/bin/activate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 import json
 from pathlib import Path
@@ -15,10 +16,12 @@ def check_rows(
     """
     Compare a run, row by row, with ``published`` measurements and their publication numbers.
 
-    Some of these may be missing; no two values may be the same. Return how many rows there are,
-    and how many measurements the recorder says that it lost.
+    Of these some may be missing; a value tells the number where it came once. Return how many rows
+    there are, and how many measurements the recorder says that it lost.
     """
-    numbers = dict(published)
+    published = list(published)
+    times = Counter(value for value, _ in published)
+    numbers = {value: number for value, number in published if times[value] == 1}
     samples = read_samples(folder)
     indices = [round(t * rate) for t in samples['time']]
     rows = list(zip(indices, samples['measurement']))
