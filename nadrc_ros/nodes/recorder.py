@@ -15,6 +15,7 @@ from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.stamps import Losses
 from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
 from nadrc_ros.recording import FigureSettings, NEEDED, RunFolder, RunSettings, summary
 from nadrc_ros.simulation.metrics import Metrics
@@ -105,7 +106,7 @@ class RecorderNode(LiveNode):
         )
         topics = self.settings.topics()
         self._columns = ['time', *topics]
-        self._numbers: dict[str, int] = {}
+        self._losses = {name: Losses() for name in topics}
         self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
         self._open_run()
         self.lockstep: Lockstep | None = None
@@ -133,7 +134,6 @@ class RecorderNode(LiveNode):
         self._latest = dict.fromkeys(self._columns[1:], nan)
         self._started = False
         self._pending: tuple[int, float] | None = None
-        self._first: int | None = None
         self._index = -1
         self._rows = 0
         self.get_logger().info(f'recording to {self.folder.path}')
@@ -161,21 +161,17 @@ class RecorderNode(LiveNode):
 
     def _taker(self, name: str) -> Any:
         def take(value: float, info: Info) -> None:
-            number = info['publication_sequence_number']
-            if number is not None:
-                last = self._numbers.get(name, number - 1)
-                self.lost[name] += max(0, number - last - 1)
-                self._numbers[name] = number
+            lost = self._losses[name].before(info['publication_sequence_number'])
+            self.lost[name] += lost
             if self.recording:
-                self._take(name, value, number)
+                self._take(name, value, lost)
 
         return take
 
-    def _take(self, name: str, value: float, number: int | None) -> None:
+    def _take(self, name: str, value: float, lost: int) -> None:
         if name == 'measurement':
-            last = self._pending[0] if self._pending else 0
             self._complete_row()
-            self._pending = (number if number is not None else last + 1), value
+            self._pending = lost, value
         elif name == 'command':
             self._started = True
         self._latest[name] = value
@@ -184,12 +180,8 @@ class RecorderNode(LiveNode):
         """Write the row of the last measurement, now that its command is known."""
         if not self._started or self._pending is None:
             return
-        (number, measurement), self._pending = self._pending, None
-        if self._first is None:
-            self._first = number
-        if number - self._first <= self._index:  # the plant was restarted: its numbers began anew
-            self._first = number - self._index - 1
-        self._index = number - self._first
+        (lost, measurement), self._pending = self._pending, None
+        self._index += 1 + (lost if self._rows else 0)
         t = self._index / self.pacing.rate
         if 0.0 < self.settings.duration <= t + 0.5 * self.pacing.period:
             self._end_run()

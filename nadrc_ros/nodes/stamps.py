@@ -1,4 +1,4 @@
-"""The time between samples of an unstamped topic, from what the middleware knows of them."""
+"""The time between samples of an unstamped topic and those lost, from what the middleware says."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ JUMP = 100_000_000
 # So is a gap of the source that exceeds that of the receipts by this, or by some periods.
 LATE = 10_000_000
 LATE_PERIODS = 5
+# More publishers of one topic are not told apart.
+PUBLISHERS = 8
 
 
 class SampleTimes:
@@ -78,3 +80,29 @@ def _follows(number: int | None, seen: int | None, last: int | None, far_back: b
     if number is None or last is None or seen is None:  # this middleware does not number
         return far_back
     return number > last or (far_back and number == seen + 1)  # or the publisher was restarted
+
+
+class Losses:
+    """
+    Finds lost samples of a topic, by their publication numbers.
+
+    Every publisher numbers its own, and no sample says whose it is: it is taken to follow the
+    highest number that came and is lower. So neither a publisher that was restarted nor a second
+    one looks like a loss.
+    """
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self._last: list[int] = []
+
+    def before(self, number: int | None) -> int:
+        """Return how many samples were lost right before this one; 0 where nobody numbers them."""
+        if number is None:
+            return 0
+        self.newest = number
+        known = [last for last in self._last if last < number]
+        previous = max(known, default=number - 1)
+        if known:
+            self._last.remove(previous)
+        self._last = [*self._last, number][-PUBLISHERS:]
+        return number - previous - 1

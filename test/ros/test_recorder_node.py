@@ -39,8 +39,9 @@ class Feed:
         values['plant/output'] = 0.1 * k + 0.5
         for topic, value in values.items():
             self.send[topic](value)
-        self.probe.wait_until(lambda: self.recorder._numbers.get('output') == k)
-        self.probe.wait_until(lambda: set(self.recorder._numbers) == set(INPUTS.split()))
+        losses = self.recorder._losses
+        self.probe.wait_until(lambda: losses['output'].newest == k)
+        self.probe.wait_until(lambda: all(heard.newest for heard in losses.values()))
 
     def rows(self) -> dict[str, list[float]]:
         self.recorder.folder.flush()
@@ -97,8 +98,8 @@ def test_a_lost_measurement_leaves_a_gap_and_is_counted(
     feed = Feed(make_probe, tmp_path)
     feed.sample()
     feed.sample()
-    feed.recorder._numbers['measurement'] -= 1  # as if number 2 had not come ...
-    feed.recorder._numbers['command'] -= 2
+    feed.recorder._losses['measurement']._last = [1]  # as if number 2 had not come ...
+    feed.recorder._losses['command']._last = [0]
     feed.sample()
     assert feed.recorder.lost == {'reference': 0, 'measurement': 1, 'command': 2, 'output': 0}
     assert feed.recorder._report()[0] == WARN
@@ -124,6 +125,23 @@ def test_a_restarted_plant_goes_on_in_time(
     assert old is not feed.send['measurement']
     assert feed.rows()['time'] == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
     assert sum(feed.recorder.lost.values()) == 0
+
+
+def test_a_second_publisher_is_no_loss_and_shifts_no_time(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    intruder = feed.probe.publisher('measurement')
+    for _ in range(20):
+        feed.sample()
+    intruder(7.0)
+    feed.probe.wait_until(lambda: feed.recorder._losses['measurement'].newest == 1)
+    feed.sample()
+    intruder(8.0)
+    feed.probe.wait_until(lambda: feed.recorder._losses['measurement'].newest == 2)
+    feed.sample()
+    assert feed.recorder.lost['measurement'] == 0
+    assert feed.rows()['time'] == [k / RATE for k in range(23)]
 
 
 def test_reset_opens_a_new_run_and_touches_no_old_one(
