@@ -93,17 +93,24 @@ def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> 
     Run callbacks for some time, or until ``done`` is.
 
     An untimed spin of the EventsExecutor of rclpy 7.1.6 never returns (a time overflow, mended in
-    7.1.8), so nothing here spins without a timeout.
+    7.1.8), so nothing here spins without a timeout. Nor does the SingleThreadedExecutor spin until
+    a future is complete: with every callback it would add one more to those of the future.
     """
-    executor.spin_until_future_complete(done or Future(), timeout_sec=seconds)
+    done = done or Future()
+    if not isinstance(executor, SingleThreadedExecutor):
+        executor.spin_until_future_complete(done, timeout_sec=seconds)
+        return
+    end = time.monotonic() + seconds
+    while not done.done() and (left := end - time.monotonic()) > 0.0:
+        executor.spin_once(timeout_sec=left)
 
 
 def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> None:
     """
     Run callbacks until ``over()``, which is looked at every POLL seconds.
 
-    It is a timer of the node that looks: each return of a spin leaks memory in rclpy 7.1.6, and
-    one that returns after every callback (``spin_once``) misses periods of fast timers.
+    It is a timer of the node that looks, as each return from a spin of the EventsExecutor leaks
+    memory in rclpy 7.1.6; its ``spin_once`` does not, but misses periods of fast timers.
     """
     done = Future()
 
