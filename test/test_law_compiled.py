@@ -8,9 +8,9 @@ from typing import Any
 
 from law_helpers import design_of, NAN, state_bits, varied_settings
 from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
-from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.law import blank_state, State
+from nadrc_ros.adrc.law import blank_state
 from nadrc_ros.adrc.supervisor import Mode, Watch
+from nadrc_ros.simulation.kernel import tuple_of
 import numba
 from numba.extending import register_jitable
 import numpy as np
@@ -29,39 +29,23 @@ def compiled() -> Any:
     return numba.njit(controller.tick)
 
 
-def arrays(design: Design) -> Design:
-    values: dict[str, Any] = {
-        name: np.array(value, dtype=np.int64 if name == 'reach' else np.float64)
-        if isinstance(value, list)
-        else value
-        for name, value in design._asdict().items()
-    }
-    return Design(**values)
-
-
 @pytest.mark.parametrize('case', CASES)
 def test_p18_compiled_and_plain_give_the_same_bits(case: str, compiled: Any) -> None:
     """Over jittered ticks with bad samples, lost references, gaps and an enable switch at work."""
     design = design_of(**CASES[case], reference_timeout=0.05, max_dt=0.1)
-    both = (design, controller.tick), (arrays(design), compiled)
-    runs = [run(own, tick, own is design) for own, tick in both]
+    runs = [run(design, controller.tick, plain=True), run(design, compiled, plain=False)]
     assert runs[0] == runs[1]
     commands, modes, states = runs[0]
     assert len(set(commands)) > 5 and len(set(states)) > TICKS / 20
     assert set(modes) >= {Mode.OK, Mode.RAMPING, Mode.SAFE}
 
 
-def arrays_of(state: State) -> State:
-    parts: list[Any] = [np.array(part) for part in state]
-    return State(*parts)
-
-
-def run(design: Design, tick: Any, plain: bool) -> tuple[list[str], list[int], list[str]]:
+def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], list[str]]:
     n = design.order
     state, out = blank_state(design), blank_state(design)
     reference: Any = [0.0] * (n + 1)
     if not plain:
-        state, out = arrays_of(state), arrays_of(out)
+        design, state, out = map(tuple_of, (design, state, out))
         reference = np.zeros(n + 1)
     watch, u, y, rng = Watch(), 0.0, 0.0, random.Random(1)
     commands: list[str] = []

@@ -25,6 +25,7 @@ from nadrc_ros.adrc.theory.noise import (
 )
 from nadrc_ros.adrc.theory.system import response, StateSpace, zero_order_hold
 from nadrc_ros.adrc.theory.transfer import residual
+from nadrc_ros.simulation.kernel import tuple_of
 import numba
 from numba.extending import register_jitable
 import numpy as np
@@ -65,23 +66,15 @@ def compiled() -> Any:
     return run
 
 
-def arrays(values: Any) -> Any:
-    made = {
-        name: np.array(value, dtype=np.int64 if name == 'reach' else np.float64)
-        if isinstance(value, list)
-        else value
-        for name, value in values._asdict().items()
-    }
-    return type(values)(**made)
-
-
 def simulate(run: Any, design: Design) -> tuple[Any, Any]:
     """Return the command and the summed estimate minus what the command explains of it."""
     plant = zero_order_hold(chain(design.order, design.b0), H)
     noise = np.random.default_rng(7).standard_normal(SAMPLES)
-    state, out = (arrays(blank_state(design)) for _ in range(2))
+    state, out = (tuple_of(blank_state(design)) for _ in range(2))
     disturbances = np.zeros(SAMPLES)
-    commands = run(arrays(design), state, out, plant.a, plant.b[:, 0].copy(), noise, disturbances)
+    commands = run(
+        tuple_of(design), state, out, plant.a, plant.b[:, 0].copy(), noise, disturbances
+    )
     return commands[2000:], disturbances[2000:]
 
 

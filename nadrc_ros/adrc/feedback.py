@@ -26,12 +26,15 @@ def feedback(design: Design, x: Vector, r: Vector) -> float:
     Shapes: x at least (n,), r (n+1,). The gains k_i are the coefficients of (s + wc)^n unless fal
     has its own. The paper never writes the sum.
     """
-    v = r[design.order]
+    order = design.order
+    gains = design.feedback_gains
+    linear = design.linear
+    v = r[order]
     i = 0
-    while i < design.order:
+    while i < order:
         e = r[i] - x[i]
-        if not design.linear:
+        if not linear:
             e = fal(e, design.exponents[i], design.delta)
-        v += design.feedback_gains[i] * e
+        v += gains[i] * e
         i += 1
     return v

@@ -9,8 +9,8 @@ bad input gives a :class:`Status`, and the next state equals the old one to the 
 from __future__ import annotations
 
 from math import copysign, exp, isfinite
-from typing import NamedTuple
 
+import attrs
 from nadrc_ros.adrc.design import Design, Matrix, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.feedback import feedback
@@ -30,14 +30,15 @@ from nadrc_ros.adrc.status import (
 SHORTEST = 1e-9
 
 
-class State(NamedTuple):
+@attrs.frozen
+class State:
     """
     State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
 
     In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (1,)
     is what a bumpless transfer added to the command; it decays with the controller bandwidth.
-    ``age`` (1,) is the time since the estimates were started [s]. ``scratch`` (N, N) holds
-    intermediate gains and carries nothing from step to step.
+    ``age`` (1,) is the time since the estimates were started [s]. ``scratch`` (K + 2, N) remembers
+    the observer gains of the last time step: it changes the speed of a step, and nothing else.
     """
 
     levels: Matrix
@@ -54,7 +55,7 @@ def blank_state(design: Design) -> State:
         [0.0] * (design.order + 1),
         [0.0],
         [0.0],
-        [[0.0] * design.states for _ in range(design.states)],
+        [[0.0] * design.states for _ in range(design.levels + 2)],
     )
 
 
@@ -182,12 +183,14 @@ def observer_speed(age: float, startup_time: float) -> float:
 
 def raw_command(design: Design, state: State) -> float:
     """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits."""
+    levels = state.levels
+    order = design.order
     reference = design.no_reference if design.error_based else state.profile
-    v = feedback(design, state.levels[design.feedback_level], reference)
-    k = 0
-    while k < design.cancelled:
-        v -= state.levels[k][design.order]
-        k += 1
+    v = feedback(design, levels[design.feedback_level], reference)
+    k = design.cancelled
+    while k > 0:
+        k -= 1
+        v -= levels[k][order]
     return v / design.b0 + state.offset[0]
 
 

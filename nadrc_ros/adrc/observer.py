@@ -8,15 +8,15 @@ cancel. One tick of length h is
     x_k <- (I - L C) (Ad x_k + Bd v_k) + L y_k,      v_k = b0 u + sum_{j < reach_k} d_j,
 
 with the d_j from before the tick: exact for an input held over the tick. L places every pole of
-Ad - L C Ad at z = exp(-ratio w_k h) (see ``gains``). The continuous counterpart is eq. (3) and
-(20) of the paper with beta_i = a_i w^i.
+Ad - L C Ad at z = exp(-ratio w_k h) (see ``gains``), for the h of this very tick. The continuous
+counterpart is eq. (3) and (20) of the paper with beta_i = a_i w^i.
 """
 
 from __future__ import annotations
 
 from math import expm1
 
-from nadrc_ros.adrc.design import Design, Matrix
+from nadrc_ros.adrc.design import Design, Matrix, Vector
 
 
 def update(
@@ -33,73 +33,90 @@ def update(
     Advance every level by one tick of ``dt`` seconds, from ``levels`` (K, N) into ``out`` (K, N).
 
     ``applied`` is the command that acted since the last tick; ``speed`` scales all bandwidths;
-    ``scratch`` (N, N) is only written. With a nonlinear structure the correction of state i is
-    multiplied by (|e| / delta)^(2^-i - 1) where the innovation e exceeds delta.
+    ``scratch`` (K + 2, N) keeps the gains of the last ``dt``. With a nonlinear structure the
+    correction of state i is multiplied by (|e| / delta)^(2^-i - 1) where the innovation e exceeds
+    delta.
     """
     order = design.order
     last = design.states - 1
-    equal_poles = design.equal_poles
+    count = design.levels
+    steps = scratch[count]  # speed, dt, dt / 2, dt / 3, ...
+    if steps[1] != dt or steps[0] != speed:
+        place(design, dt, speed, scratch)
+    received = design.b0 * applied
+    reach = design.reach
     nonlinear = design.nonlinear
-    chained = design.chained
-    gains: Matrix = design.gain_matrix if equal_poles else scratch
-    for k in range(design.levels):
+    # While loops: half the time of range() in plain Python.
+    k = 0
+    while k < count:
         x = levels[k]
         z = out[k]
-        v = design.b0 * applied
-        for j in range(design.reach[k]):
+        gains = scratch[k]
+        v = received
+        j = reach[k]
+        while j > 0:
+            j -= 1
             v += levels[j][order]
         z[:] = x
         z[order] += v
-        wh = speed * design.bandwidths[k] * dt
-        decay = -expm1(-wh) if equal_poles else place_poles(design, wh, scratch)
-        # Row i needs z[i+1:] as predicted from: the chain is swept downwards in place, Taylor sum
-        # and gain polynomial together. While loops: half the time of range() in plain Python.
-        per_row = decay / dt
+        # Row i needs z[i+1:] as predicted from: the Taylor sums of the chain, swept downwards.
         innovation = 0.0
         excess = 1.0
         exponent = 1.0
         i = 0
         while i <= last:
-            row = gains[i]
-            gain = row[last]
             ahead = 0.0
             j = last
             while j > i:
-                ahead = (ahead + z[j]) * dt / (j - i)
+                ahead = (ahead + z[j]) * steps[j - i]
                 j -= 1
-                gain = gain * decay + row[j]
             ahead += x[i]
             if i == 0:
-                innovation = (measurement - ahead) * decay
+                innovation = measurement - ahead
                 if nonlinear:
-                    excess = abs(measurement - ahead) / design.eso_delta
-            gain *= innovation
+                    excess = abs(innovation) / design.eso_delta
+            correction = gains[i] * innovation
             if excess > 1.0:
-                gain *= float(excess ** (exponent - 1.0))
+                correction *= float(excess ** (exponent - 1.0))
                 exponent *= 0.5
-            z[i] = ahead + gain
-            innovation *= per_row
+            z[i] = ahead + correction
             i += 1
-        if chained:
+        if design.chained:
             measurement = z[0]
+        k += 1
 
 
-def place_poles(design: Design, wh: float, gains: Matrix) -> float:
-    """Write G_iq = T_iq sigma_{q+1}(1 - exp(-ratio_j w h)); return 1, the decay that fits them."""
+def place(design: Design, dt: float, speed: float, scratch: Matrix) -> None:
+    """Write l_i = sum_{q >= i} G_iq sigma_{q+1} / dt^i for every level, and what they hold for."""
     states = design.states
-    sigma = gains[states - 1]
-    for q in range(states):
+    steps, sigma = scratch[design.levels], scratch[design.levels + 1]
+    for k in range(design.levels):
+        wh = speed * design.bandwidths[k] * dt
+        if design.equal_poles:
+            power = 1.0
+            for q in range(states):
+                power *= -expm1(-wh)
+                sigma[q] = power
+        else:
+            symmetric_polynomials(design.pole_ratios, wh, sigma)
+        scale = 1.0
+        for i in range(states):
+            gain = 0.0
+            for q in range(states - 1, i - 1, -1):
+                gain += design.gain_matrix[i][q] * sigma[q]
+            scratch[k][i] = gain * scale
+            scale /= dt
+    steps[0] = speed
+    for m in range(1, states):
+        steps[m] = dt / m
+
+
+def symmetric_polynomials(ratios: Vector, wh: float, sigma: Vector) -> None:
+    """Write sigma_1..sigma_N of 1 - exp(-ratio_j w h), shape (N,)."""
+    for q in range(len(sigma)):
         sigma[q] = 0.0
-    for ratio in design.pole_ratios:
+    for ratio in ratios:
         decay = -expm1(-ratio * wh)
-        for q in range(states - 1, 0, -1):
+        for q in range(len(sigma) - 1, 0, -1):
             sigma[q] += decay * sigma[q - 1]
         sigma[0] += decay
-    # The last row of T has the single entry 1, so sigma can stay where it is once the other rows
-    # are made.
-    for i in range(states - 1):
-        for q in range(states):
-            gains[i][q] = design.gain_matrix[i][q] * sigma[q]
-    for q in range(states - 1):
-        sigma[q] = 0.0
-    return 1.0

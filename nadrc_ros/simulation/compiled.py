@@ -40,7 +40,7 @@ LAW = (observer, feedback, differentiator, law, supervisor, controller)
 SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
 # All others are inlined, which makes the loop six times as fast; these would double the time to
 # compile for nothing.
-SELDOM = (law._refuse, law._restart, law.start, law.approach, observer.place_poles)
+SELDOM = (law._refuse, law._restart, law.start, law.approach, observer.place)
 
 
 @intrinsic

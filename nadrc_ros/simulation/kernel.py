@@ -47,7 +47,7 @@ class Kernel:
         """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""
         experiment, process, running = loop.experiment, loop.process, loop.controller
         design = running.design
-        states = [_arrays_of(state) for state in (running.state, blank_state(design))]
+        states = [tuple_of(state) for state in (running.state, blank_state(design))]
         acc, remainders = np.array(loop.acc), np.array(loop.remainders)
         counts = np.zeros(len(Status), dtype=np.int64)
         reference = np.array(running.reference)
@@ -55,7 +55,7 @@ class Kernel:
         try:
             k, status, command, watch, last = self.compiled(
                 *self.fields,
-                _design_of(design),
+                tuple_of(design),
                 *states,
                 running.watch,
                 running.command,
@@ -185,15 +185,16 @@ def _constant(value: Any) -> Any:
     return None
 
 
-def _arrays_of(state: State) -> Any:
-    parts: list[Any] = [np.array(part, dtype=np.float64) for part in state]
-    return State(*parts)
-
-
-def _design_of(design: Design) -> Any:
-    kinds = {'reach': np.int64}
-    values: dict[str, Any] = {
-        name: np.array(value, kinds.get(name, np.float64)) if isinstance(value, list) else value
-        for name, value in design._asdict().items()
+def tuple_of(thing: Design | State) -> Any:
+    """Return a design or a state as numba takes it: a named tuple, its lists as arrays."""
+    values = {
+        field.name: _array_of(getattr(thing, field.name), field.name == 'reach')
+        for field in attrs.fields(type(thing))
     }
-    return Design(**values)
+    return _fields('Fields(' + ' '.join(values) + ')')(**values)
+
+
+def _array_of(value: Any, integers: bool) -> Any:
+    if not isinstance(value, list):
+        return value
+    return np.array(value, dtype=np.int64 if integers else np.float64)

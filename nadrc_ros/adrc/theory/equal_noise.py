@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from math import inf
 
+import attrs
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.theory.noise import disturbance_variance
@@ -23,7 +24,7 @@ def nested_design(order: int, bandwidths: Sequence[float]) -> Design:
     """Return a nested design with the given bandwidths [rad/s], one level each."""
     levels = len(bandwidths)
     settings = ControllerSettings(plant_order=order, structure='nested', levels=levels)
-    return make_design(settings)._replace(bandwidths=list(bandwidths))
+    return attrs.evolve(make_design(settings), bandwidths=list(bandwidths))
 
 
 def noise_factor(order: int, ratios: Sequence[float]) -> float:
