@@ -4,10 +4,11 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test soak lint build clean distclean
+.PHONY: help demo paper test soak bench lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
+BENCHES := robustness
 MIN_TESTS := 2000# `make test` fails when fewer are collected: raise it with the suite
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -53,6 +54,10 @@ soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repea
 	python -m pytest -n 2 --hypothesis-profile=soak --hypothesis-seed=$$seed --soak --seed $$seed \
 		-k 'p01 or p02 or p03 or p20' test/test_law.py test/test_controller.py test/test_soak.py
 
+bench: build $(VENV)/bench ## compare with other controllers, write out/bench (ARGS=robustness selects)
+	@$(ACTIVATE)
+	for part in $(or $(ARGS),$(BENCHES)); do python -m bench.$$part; done
+
 lint: $(VENV)/dev ## check style and types
 	@source $(VENV)/bin/activate
 	set -x
@@ -92,13 +97,14 @@ $(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/ru
 		|| $(call fail,colcon could not build the package; its log is in log/latest_build)
 	touch $@
 
-# $(VENV)/run holds what the package needs, $(VENV)/dev also what its tests and checks need.
+# $(VENV)/run holds what the package needs, $(VENV)/dev also what its tests and checks need, $(VENV)/bench its rivals.
 $(VENV)/run: GROUPS := $(WHEELS)
 $(VENV)/dev: GROUPS := test speed lint
-$(VENV)/dev: $(VENV)/run
+$(VENV)/bench: GROUPS := bench speed
+$(VENV)/dev $(VENV)/bench: $(VENV)/run
 TOOLS := 'setuptools<80' colcon-common-extensions colcon-ros
 
-$(VENV)/run $(VENV)/dev: setup.py Makefile | $(VENV)/on-$(ROS)
+$(VENV)/run $(VENV)/dev $(VENV)/bench: setup.py Makefile | $(VENV)/on-$(ROS)
 	@install() {
 		echo "make: installing $$1 ..."
 		shift
@@ -107,7 +113,7 @@ $(VENV)/run $(VENV)/dev: setup.py Makefile | $(VENV)/on-$(ROS)
 		$(call fail,pip could not install all of: $$(cat $(VENV)/wanted.txt | tr '\n' ' ')(see $(VENV)/pip.log))
 	}
 	printf '%s\n' $(TOOLS) > $(VENV)/wanted.txt
-	[ $(@F) = dev ] || install 'the build tools' -r $(VENV)/wanted.txt
+	[ $(@F) != run ] || install 'the build tools' -r $(VENV)/wanted.txt
 	$(PY) - $(GROUPS) > $(VENV)/wanted.txt <<-'EOF'
 		import sys, setuptools, distutils.core
 		about = distutils.core.run_setup('setup.py', stop_after='init')
@@ -128,5 +134,5 @@ $(VENV)/on-$(ROS): # an environment of the other kind is replaced
 		&& $(PY) -m pip --version > /dev/null 2>&1 \
 		|| $(PYTHON) -m venv --clear $(if $(WHEELS),,--system-site-packages) $(VENV) \
 		|| $(call fail,'$(PYTHON) -m venv $(VENV)' failed)
-	rm -rf build install $(VENV)/on-* $(VENV)/run $(VENV)/dev
+	rm -rf build install $(VENV)/on-* $(VENV)/run $(VENV)/dev $(VENV)/bench
 	touch $@
