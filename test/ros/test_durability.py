@@ -76,7 +76,7 @@ def test_however_its_recorder_ends_a_run_can_be_read_and_summarised(
     last = read_samples(folders[1])['measurement'][-1]
     assert seen - 1 - measurements.index(last) <= RATE
 
-    ended.signal(signal.SIGINT)
+    ended.signal(signal.SIGTERM)
     assert probe.end_of(ended) == 0
     m = len(commands)
     probe.wait_until(lambda: len(commands) >= m + 20)  # nobody else minds

@@ -8,13 +8,12 @@ import json
 from math import isfinite
 from pathlib import Path
 from random import Random
-import signal
 from typing import Any
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.topics import LATEST, SEND
-from probe import Probe, Processes
+from probe import INTERRUPTS, Probe, Processes
 from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import Float64, String
@@ -134,8 +133,8 @@ def test_p16_a_storm_of_requests_and_garbage_leaves_every_node_as_it_shows_itsel
     n = len(sent)
     assert probe.enable().success
     probe.wait_until(lambda: len(sent) > n + 5)
-    for name, node in nodes.items():
-        node.signal(signal.SIGINT)
+    for (name, node), interrupt in zip(nodes.items(), 2 * INTERRUPTS):
+        node.signal(interrupt)
         assert probe.end_of(node) == 0, name
         assert 'Traceback' not in node.said, node.said
         assert len(node.said.splitlines()) < 100, node.said
