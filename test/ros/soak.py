@@ -58,7 +58,7 @@ RANGES = {
     'measurement_max': (50.0, 1e3),
 }
 # No parameter may be any of these.
-BAD = (nan, inf, -inf, 1e300, 'nonsense', '', [nan], [1e300], [1.0] * 9)
+BAD = (nan, inf, -inf, 1e300, 'nonsense', '', [nan], [1e300])
 LIVE = {name: f for name, f in declared(ControllerSettings).items() if f.live}
 FAULTS = fault_fields()
 GARBAGE = (nan, inf, -inf, 1e308, 5e-324, -1e6, 0.0)
