@@ -27,6 +27,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config/sweeps', sorted(glob('config/sweeps/*.yaml'))),
     ],
     zip_safe=False,
     install_requires=[
@@ -50,7 +51,15 @@ setup(
             'ros-jazzy-diagnostic-msgs==5.3.6',
         ],
         'speed': ['numba'],
-        'test': ['pytest', 'pytest-xdist', 'hypothesis', 'pyadrc==0.6.1'],
+        'sweep': ['dask[distributed]', 'pyarrow'],
+        'test': [
+            'pytest',
+            'pytest-xdist',
+            'hypothesis',
+            'pyadrc==0.6.1',
+            'dask[distributed]',
+            'pyarrow',
+        ],
         'bench': ['pyadrc==0.6.1', 'simple-pid==2.0.1'],
         'lint': [
             'ruff',

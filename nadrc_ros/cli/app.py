@@ -12,9 +12,10 @@ from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.paper import paper
 from nadrc_ros.cli.simulate import simulate
 from nadrc_ros.cli.summarise import summarise
+from nadrc_ros.cli.sweep import sweep
 import typer
 
-COMMANDS = (simulate, demo, paper, summarise)
+COMMANDS = (simulate, demo, paper, summarise, sweep)
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for _command in COMMANDS:

@@ -23,16 +23,7 @@ def load(path: str | Path) -> Scenario:
         What is wrong, in one sentence without the name of the file.
 
     """
-    try:
-        text = Path(path).read_text(encoding='utf-8')
-    except IsADirectoryError:
-        raise ScenarioError('this is a directory, not a scenario file') from None
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f'not UTF-8 text (byte {error.start})') from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise ScenarioError(f'the file cannot be read: {reason}') from None
-    return loads(text, Path(path).parent)
+    return loads(read_text(path), Path(path).parent)
 
 
 def loads(text: str, base_dir: str | Path = '.') -> Scenario:
@@ -52,6 +43,27 @@ def loads(text: str, base_dir: str | Path = '.') -> Scenario:
         kind = 'a list' if isinstance(data, list) else 'a single value'
         raise ScenarioError(f'a scenario is a mapping of keys to values, and this is {kind}')
     return from_mapping(data, base_dir)
+
+
+def read_text(path: str | Path) -> str:
+    """
+    Return the text of a scenario file.
+
+    Raises
+    ------
+    ScenarioError
+        Why it cannot be read, in one sentence without the name of the file.
+
+    """
+    try:
+        return Path(path).read_text(encoding='utf-8')
+    except IsADirectoryError:
+        raise ScenarioError('this is a directory, not a scenario file') from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f'not UTF-8 text (byte {error.start})') from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise ScenarioError(f'the file cannot be read: {reason}') from None
 
 
 def dump(scenario: Scenario) -> str:

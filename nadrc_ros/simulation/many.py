@@ -1,9 +1,12 @@
-"""Many runs of one experiment, of which only the figures of merit are kept."""
+"""Many runs, of which only the figures of merit are kept, on all cores or on a cluster."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from itertools import islice, product
+from typing import Any, TypeVar
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -11,6 +14,15 @@ from nadrc_ros.simulation.experiment import Experiment, kernel
 from nadrc_ros.simulation.loop import Loop, WIDTH
 from nadrc_ros.simulation.metrics import metric_values, MetricValues
 import numpy as np
+
+T = TypeVar('T')
+Run = tuple[Experiment, ControllerSettings, int]
+# A task is long enough to make its way to another process not matter, some tenths of a second,
+# and short enough to wait for.
+TASK_RUNS = 100
+TASK_PERIODS = {True: 400_000, False: 5_000}  # compiled, in plain Python
+# Tasks handed out at once: more than any cluster has workers, few enough to be held in memory.
+AHEAD = 512
 
 
 @attrs.frozen(kw_only=True)
@@ -31,51 +43,126 @@ class RunMetrics(MetricValues):
 
 
 def simulate_many(
-    experiment: Experiment,
+    experiment: Experiment | Sequence[Experiment],
     settings: Sequence[ControllerSettings],
     seeds: Sequence[int],
     *,
     executor: Executor | None = None,
     compiled: bool | None = None,
     say: Callable[[str], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[RunMetrics]:
     """
-    Run every controller with every seed; memory does not grow with the length of a run.
+    Run every controller in every experiment with every seed, keeping the figures of merit only.
+
+    Memory does not grow with the length of a run. Ctrl-C returns what is done: the first runs, in
+    order, fewer than were asked for.
 
     Parameters
     ----------
     experiment
-        What is done to each controller; the seed of its noise is replaced.
+        What is done to each controller, with one plant or several; the seed of its noise is
+        replaced.
     settings, seeds
-        Run i * len(seeds) + j is of controller i with seed j.
+        The runs are those of the first experiment, there of the first controller, there of the
+        first seed; and so on, the seed changing fastest.
     executor
-        Where the runs are done; by default threads of its own, which compiled runs use in full.
+        Where the runs are done: any executor, as of a Dask client. By default threads of its own
+        if the runs are compiled, which lets them use all cores, otherwise processes.
     compiled, say
         As in :func:`~nadrc_ros.simulation.experiment.simulate`.
+    progress
+        Called now and then with the number of runs that are done, and of all.
 
     """
-    jobs = [(one, seed) for one in settings for seed in seeds]
-    fast = kernel(experiment, experiment.steps * len(jobs), compiled, say) is not None
-    count = len(jobs)
-    arguments = (
-        [experiment] * count,
-        [one for one, _ in jobs],
-        [seed for _, seed in jobs],
-        [fast] * count,
-    )
+    experiments = [experiment] if isinstance(experiment, Experiment) else experiment
+    each = len(settings) * len(seeds)
+    count, periods = len(experiments) * each, sum(one.steps for one in experiments) * each
+    if not count:
+        return []
+    fast = None not in [kernel(one, periods, compiled, say) for one in experiments]
+    runs: Iterator[Run] = product(experiments, settings, seeds)
+    size = batch_size(count, periods, fast)
+    tasks = iter(lambda: (list(islice(runs, size)), fast), ([], fast))
     if executor is not None:
-        return list(executor.map(run_metrics, *arguments))
-    with ThreadPoolExecutor() as threads:
-        return list(threads.map(run_metrics, *arguments))
+        return _collect(stream(executor, run_batch, tasks), count, progress)
+    with own_workers(fast) as workers:
+        return _collect(stream(workers, run_batch, tasks), count, progress)
+
+
+def own_workers(fast: bool) -> Executor:
+    """Return one worker per core: threads share what is compiled, which runs without the GIL."""
+    return ThreadPoolExecutor() if fast else ProcessPoolExecutor(initializer=ignore_interrupts)
+
+
+def ignore_interrupts() -> None:
+    """Leave Ctrl-C, which goes to every process of a terminal, to the one that waits for this."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def batch_size(runs: int, periods: int, fast: bool) -> int:
+    """Return how many of ``runs``, of ``periods`` in all, make a task."""
+    return min(max(TASK_PERIODS[fast] * runs // max(periods, 1), 1), TASK_RUNS)
+
+
+def stream(
+    executor: Executor, function: Callable[..., T], tasks: Iterable[tuple[Any, ...]]
+) -> Iterator[T]:
+    """
+    Yield ``function(*task)`` of each task in order, with a bounded number of them under way.
+
+    The first runs alone: what it compiles is then there for all. When the iterator is closed or
+    fails, tasks that were not begun are cancelled.
+    """
+    pending: deque[Future[T]] = deque()
+    ahead = 1
+    try:
+        for task in tasks:
+            pending.append(executor.submit(function, *task))
+            if len(pending) >= ahead:
+                yield pending.popleft().result()
+                ahead = AHEAD
+        while pending:
+            yield pending.popleft().result()
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def run_batch(runs: list[Run], compiled: bool) -> list[RunMetrics]:
+    """Return the figures of merit of some runs."""
+    return [run_metrics(*run, compiled) for run in runs]
 
 
 def run_metrics(
-    experiment: Experiment, settings: ControllerSettings, seed: int, compiled: bool | None = None
+    experiment: Experiment,
+    settings: ControllerSettings,
+    seed: int,
+    compiled: bool | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> RunMetrics:
     """Return the figures of merit of one run with noise of that seed."""
     noise = attrs.evolve(experiment.noise, seed=seed)
     one = attrs.evolve(experiment, noise=noise)
     loop = Loop(one, settings)
-    loop.run(np.empty((0, WIDTH)), kernel(one, one.steps, compiled))
+    loop.run(np.empty((0, WIDTH)), kernel(one, one.steps, compiled, say))
     values = attrs.asdict(metric_values(loop.acc))
     return RunMetrics(**values, remainder_itae=tuple(loop.remainders[: loop.levels]))
+
+
+def _collect(
+    batches: Iterator[list[RunMetrics]],
+    count: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[RunMetrics]:
+    done: list[RunMetrics] = []
+    try:
+        for batch in batches:
+            done += batch
+            if progress is not None:
+                progress(len(done), count)
+    except KeyboardInterrupt:
+        pass
+    return done

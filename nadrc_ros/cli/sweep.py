@@ -1,0 +1,151 @@
+"""`nadrc sweep`: a scenario over a grid of values and seeds, into a table."""
+
+# ruff: noqa: UP045
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.run_table import RunTable
+    from nadrc_ros.scenario.sweep import Sweep
+
+# Without a terminal, a line that often [s].
+EVERY = 10.0
+CONNECT_TIMEOUT = 10.0
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(help='Sweep file: scenario, vary, seeds.')],
+    out: Annotated[
+        Optional[Path],
+        typer.Option(help='Table, .csv or .parquet; by default named as FILE, here.'),
+    ] = None,
+    jobs: Annotated[
+        Optional[int], typer.Option(min=1, help='Processes; by default one per core.')
+    ] = None,
+    dask: Annotated[
+        Optional[str],
+        typer.Option(help='Address of a Dask scheduler, to use its workers: tcp://host:8786.'),
+    ] = None,
+) -> None:
+    """
+    Run a scenario over a grid of values and seeds and tabulate the figures of merit.
+
+    A row per run. After Ctrl-C, a crash or a kill the same command goes on where it ended, and
+    the table is the same in the end.
+
+    Example: nadrc sweep config/sweeps/bandwidth.yaml --out bandwidth.parquet
+    """
+    with reporting(str(file)):
+        from nadrc_ros.run_table import FORMATS, RunTable
+        from nadrc_ros.scenario.sweep import load_sweep
+        from nadrc_ros.simulation.experiment import WORTH_COMPILING
+
+        path = out or Path(f'{file.stem}.csv')
+        if path.suffix not in FORMATS:
+            raise typer.BadParameter(
+                f'{path} must end in ' + ' or '.join(FORMATS), param_hint='--out'
+            )
+        wanted = load_sweep(file)
+        extent = wanted.check()
+    with reporting():
+        table = RunTable(path, wanted, extent)
+        try:
+            if table.done < table.runs:
+                fast = extent.periods >= WORTH_COMPILING
+                with _workers(jobs, dask) as executor:
+                    _fill(table, wanted, executor, fast, extent.periods)
+            table.finish()
+        except KeyboardInterrupt:
+            complain(
+                f'interrupted: {table.done} of {table.runs} runs are kept; '
+                'the same command goes on from there'
+            )
+            raise typer.Exit(INTERRUPTED) from None
+        finally:
+            table.close()
+        typer.echo(f'{table.runs} runs in {path}')
+
+
+def _fill(
+    table: 'RunTable', wanted: 'Sweep', executor: Executor, fast: bool, periods: int
+) -> None:
+    from nadrc_ros.scenario.sweep import run_range
+    from nadrc_ros.simulation.many import batch_size, stream
+
+    size = batch_size(table.runs, periods, fast)
+    tasks = (
+        (wanted, start, min(start + size, table.runs), fast, complain)
+        for start in range(table.done, table.runs, size)
+    )
+    with _progress(table) as tell:
+        for found in stream(executor, run_range, tasks):
+            table.append(found)
+            tell()
+
+
+@contextmanager
+def _workers(jobs: Optional[int], dask: Optional[str]) -> Iterator[Executor]:
+    """Start processes of our own, or connect to those of a cluster."""
+    if dask is not None:
+        with _client(dask) as client:
+            yield client.get_executor()
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import active_children, get_context
+
+    from nadrc_ros.simulation.many import ignore_interrupts
+
+    with ProcessPoolExecutor(
+        jobs, mp_context=get_context('spawn'), initializer=ignore_interrupts
+    ) as executor:
+        try:
+            yield executor
+        except BaseException:
+            for child in active_children():  # do not wait for what is not wanted any more
+                child.terminate()
+            raise
+
+
+def _client(address: str) -> Any:
+    from nadrc_ros.adrc.errors import UserError
+
+    try:
+        from distributed import Client
+    except ImportError:
+        raise UserError('--dask needs dask: pip install "nadrc_ros[sweep]"') from None
+    try:
+        return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise UserError(f'--dask {address}: no scheduler answers there ({error})') from None
+
+
+@contextmanager
+def _progress(table: 'RunTable') -> Iterator[Any]:
+    """Show a bar on a terminal, otherwise write a line now and then."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if console.is_terminal:
+        from rich.progress import MofNCompleteColumn, Progress
+
+        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=console) as p:
+            task = p.add_task('runs', total=table.runs, completed=table.done)
+            yield lambda: p.update(task, completed=table.done)
+        return
+    from time import monotonic
+
+    last = monotonic()
+
+    def tell() -> None:
+        nonlocal last
+        if monotonic() - last >= EVERY:
+            last = monotonic()
+            complain(f'{table.done} of {table.runs} runs')
+
+    yield tell

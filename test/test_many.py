@@ -1,0 +1,151 @@
+"""Many runs: their order, what is handed out at once, and what Ctrl-C leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+import gc
+import tracemalloc
+from typing import Any
+import weakref
+
+import attrs
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.scenario import loads
+from nadrc_ros.simulation import loop, many
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.many import AHEAD, batch_size, run_metrics, simulate_many, stream
+import pytest
+
+TEXT = """
+plant: {name: paper, a3: %s}
+reference: {signal: cosine}
+noise: {variance: 1e-4}
+rate: 100
+duration: 0.3
+controllers: {nested: {}}
+"""
+SETTINGS = [ControllerSettings(), ControllerSettings(structure='conventional')]
+
+
+def experiment(a3: float = 0.2) -> Experiment:
+    return loads(TEXT % a3).experiment()
+
+
+class AtOnce(Executor):
+    """Does a task when it is submitted; remembers the futures as long as somebody needs them."""
+
+    def __init__(self) -> None:
+        self.futures: weakref.WeakSet[Future[Any]] = weakref.WeakSet()
+        self.most = 0
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        self.futures.add(future)
+        self.most = max(self.most, len(self.futures))
+        return future
+
+
+def test_several_plants_are_run_in_the_order_of_nested_loops() -> None:
+    plants = [experiment(0.1), experiment(0.4)]
+    seeds = (3, 1)
+    expected = [
+        run_metrics(one, settings, seed, False)
+        for one in plants
+        for settings in SETTINGS
+        for seed in seeds
+    ]
+    assert len({run.itae for run in expected}) == len(expected)
+    assert simulate_many(plants, SETTINGS, seeds, compiled=False) == expected
+    with ThreadPoolExecutor(2) as threads:
+        assert simulate_many(plants, SETTINGS, seeds, executor=threads) == expected
+    assert simulate_many([], SETTINGS, seeds) == []
+
+
+def test_progress_is_told_in_order_to_the_end() -> None:
+    told: list[tuple[int, int]] = []
+    simulate_many(
+        experiment(),
+        SETTINGS,
+        range(150),
+        executor=AtOnce(),
+        compiled=False,
+        progress=lambda *now: told.append(now),
+    )
+    assert told[-1] == (300, 300) and told == sorted(told) and len(told) >= 2
+
+
+def test_ctrl_c_returns_what_is_done() -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done >= 100:
+            raise KeyboardInterrupt
+
+    kwargs: Any = {'executor': AtOnce(), 'compiled': False}
+    whole = simulate_many(experiment(), SETTINGS, range(150), **kwargs)
+    part = simulate_many(experiment(), SETTINGS, range(150), progress=interrupt, **kwargs)
+    assert 100 <= len(part) < len(whole) == 300
+    assert part == whole[: len(part)]
+
+
+def test_without_the_compiler_all_cores_are_used_by_processes() -> None:
+    assert isinstance(many.own_workers(True), ThreadPoolExecutor)
+    with many.own_workers(False) as workers:
+        assert isinstance(workers, ProcessPoolExecutor)
+
+
+def test_a_bounded_number_of_tasks_is_under_way() -> None:
+    executor = AtOnce()
+    count = 3 * AHEAD
+    drawn = 0
+
+    def tasks() -> Any:
+        nonlocal drawn
+        for drawn in range(count):
+            yield (drawn,)
+
+    found = stream(executor, abs, tasks())
+    assert next(found) == 0 and drawn == 0  # the first alone
+    assert next(found) == 1 and drawn <= AHEAD
+    assert list(found) == list(range(2, count))
+    assert executor.most <= AHEAD + 2
+
+
+def test_what_was_not_begun_is_cancelled_when_the_reader_goes() -> None:
+    class Never(AtOnce):
+        def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+            future = super().submit(fn, *args) if args == (0,) else Future()
+            waiting.append(future)
+            if len(waiting) == 10:
+                raise KeyboardInterrupt
+            return future
+
+    waiting: list[Future[Any]] = []
+    with pytest.raises(KeyboardInterrupt):
+        list(stream(Never(), abs, ((i,) for i in range(20))))
+    assert [future.cancelled() for future in waiting[:9]] == [False] + [True] * 8
+
+
+@pytest.mark.parametrize('fast', [True, False])
+def test_a_task_is_neither_too_long_nor_too_short(fast: bool) -> None:
+    limit = many.TASK_PERIODS[fast]
+    assert batch_size(1000, 1000 * 10 * limit, fast) == 1
+    assert batch_size(1000, 1000 * limit // 10, fast) == 10
+    assert batch_size(10**5, 10**5, fast) == many.TASK_RUNS
+    assert batch_size(5, 0, fast) == many.TASK_RUNS
+
+
+def test_memory_does_not_grow_with_the_length_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loop, 'BLOCK', 128)
+
+    def peak(periods: int) -> int:
+        one = attrs.evolve(experiment(), duration=periods / 100.0)
+        gc.collect()
+        tracemalloc.start()
+        simulate_many(one, SETTINGS[:1], [1], executor=AtOnce(), compiled=False)
+        top = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return top
+
+    peak(200)
+    assert peak(2000) < 1.2 * peak(200)
