@@ -22,7 +22,7 @@ from nadrc_ros.adrc.law import (
     State,
     step,
 )
-from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
+from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
 from nadrc_ros.adrc.status import NO_MEASUREMENT, SATURATED, Status
 from nadrc_ros.adrc.supervisor import (
     Cause,
@@ -58,7 +58,7 @@ def tick(
     On entering OK the first command equals ``applied``; the law goes on from there. Derivatives of
     a reference older than ``max_dt`` count as 0. At a start ``state`` is written to as well.
     """
-    if not -LARGEST < applied < LARGEST:
+    if not SMALLEST < applied < LARGEST:
         applied = design.safe_command
     if not elapsed > 0.0:
         elapsed = 0.0
@@ -169,7 +169,7 @@ class Controller:
 
         """
         referenced = reference is not None and self._take(reference)
-        if applied is None or not -LARGEST < applied < LARGEST:
+        if applied is None or not SMALLEST < applied < LARGEST:
             applied = self.command
         if elapsed is None:
             elapsed = dt
@@ -258,7 +258,7 @@ class Controller:
 
     def _take(self, reference: Sequence[float]) -> bool:
         """Keep a received reference with its known derivatives; refuse nonsense, count it."""
-        usable = [-LARGEST < value < LARGEST for value in reference]
+        usable = [SMALLEST < value < LARGEST for value in reference]
         if not all(usable):
             self.counts[Status.BAD_REFERENCE] += 1
         if not usable or not usable[0]:

@@ -28,13 +28,14 @@ def feedback(design: Design, x: Vector, r: Vector) -> float:
     """
     order = design.order
     gains = design.feedback_gains
-    linear = design.linear
     v = r[order]
     i = 0
-    while i < order:
-        e = r[i] - x[i]
-        if not linear:
-            e = fal(e, design.exponents[i], design.delta)
-        v += gains[i] * e
-        i += 1
+    if design.linear:
+        while i < order:
+            v += gains[i] * (r[i] - x[i])
+            i += 1
+    else:
+        while i < order:
+            v += gains[i] * fal(r[i] - x[i], design.exponents[i], design.delta)
+            i += 1
     return v

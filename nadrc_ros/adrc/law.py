@@ -15,7 +15,7 @@ from nadrc_ros.adrc.design import Design, Matrix, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.feedback import feedback
 from nadrc_ros.adrc.observer import update
-from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.adrc.settings import LARGEST, SMALLEST
 from nadrc_ros.adrc.status import (
     BAD_REFERENCE,
     BAD_TIME_STEP,
@@ -137,9 +137,9 @@ def step(
         return _refuse(design, state, applied, out, NO_MEASUREMENT)
     if not dt >= SHORTEST:
         return _refuse(design, state, applied, out, BAD_TIME_STEP)
-    if not -LARGEST < applied < LARGEST:
+    if not SMALLEST < applied < LARGEST:
         applied = design.safe_command
-    if not -LARGEST < reference[0] < LARGEST:
+    if not SMALLEST < reference[0] < LARGEST:
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     if design.error_based and not _usable(reference):  # no sum below would show it
         return _refuse(design, state, applied, out, BAD_REFERENCE)
@@ -154,8 +154,11 @@ def step(
     observed = measurement
     if design.error_based:
         observed -= profile[0]
-    age = out.age[0] = state.age[0] + dt
-    speed = 1.0 if age >= design.startup_time else observer_speed(age, design.startup_time)
+    speed = 1.0
+    age = state.age[0] + dt
+    out.age[0] = age
+    if age < design.startup_time:
+        speed = observer_speed(age, design.startup_time)
     update(design, state.levels, observed, applied, dt, speed, out.levels, out.scratch)
     offset = state.offset[0]
     out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
@@ -327,7 +330,7 @@ def _restart(
 def _usable(reference: Vector) -> bool:
     usable = True
     for value in reference:
-        usable = usable and -LARGEST < value < LARGEST
+        usable = usable and SMALLEST < value < LARGEST
     return usable
 
 

@@ -33,9 +33,7 @@ def update(
     Advance every level by one tick of ``dt`` seconds, from ``levels`` (K, N) into ``out`` (K, N).
 
     ``applied`` is the command that acted since the last tick; ``speed`` scales all bandwidths;
-    ``scratch`` (K + 2, N) keeps the gains of the last ``dt``. With a nonlinear structure the
-    correction of state i is multiplied by (|e| / delta)^(2^-i - 1) where the innovation e exceeds
-    delta.
+    ``scratch`` (K + 2, N) keeps the gains of the last ``dt``.
     """
     order = design.order
     last = design.states - 1
@@ -61,10 +59,8 @@ def update(
         z[order] += v
         # Row i needs z[i+1:] as predicted from: the Taylor sums of the chain, swept downwards.
         innovation = 0.0
-        excess = 1.0
-        exponent = 1.0
         i = 0
-        while i <= last:
+        while i < last:
             ahead = 0.0
             j = last
             while j > i:
@@ -74,16 +70,24 @@ def update(
             if i == 0:
                 innovation = measurement - ahead
                 if nonlinear:
-                    excess = abs(innovation) / design.eso_delta
-            correction = gains[i] * innovation
-            if excess > 1.0:
-                correction *= float(excess ** (exponent - 1.0))
-                exponent *= 0.5
-            z[i] = ahead + correction
+                    gains = softened(gains, abs(innovation) / design.eso_delta, scratch[count + 1])
+            z[i] = ahead + gains[i] * innovation
             i += 1
+        z[last] = x[last] + gains[last] * innovation
         if design.chained:
             measurement = z[0]
         k += 1
+
+
+def softened(gains: Vector, excess: float, out: Vector) -> Vector:
+    """Return l_i (|e| / delta)^(2^-i - 1) where the innovation e exceeds delta, else l_i."""
+    if excess <= 1.0:
+        return gains
+    exponent = 1.0
+    for i in range(len(gains)):
+        out[i] = gains[i] * float(excess ** (exponent - 1.0))
+        exponent *= 0.5
+    return out
 
 
 def place(design: Design, dt: float, speed: float, scratch: Matrix) -> None:

@@ -10,6 +10,7 @@ from nadrc_ros.adrc.structures import STRUCTURES
 MAX_LEVELS = 6
 # No sensor reads this; what is larger counts as no number at all.
 LARGEST = 1e15
+SMALLEST = -LARGEST
 # How many derivatives of the reference have a topic: the rate and the acceleration.
 REFERENCE_DERIVATIVES = 2
 
@@ -137,15 +138,15 @@ class ControllerSettings:
         'command when there is nothing to control with; inside the limits',
     )
     measurement_min: float = number(
-        -LARGEST,
-        -LARGEST,
+        SMALLEST,
+        SMALLEST,
         LARGEST,
         'output unit',
         'what the sensor cannot read: a measurement below counts as none',
     )
     measurement_max: float = number(
         LARGEST,
-        -LARGEST,
+        SMALLEST,
         LARGEST,
         'output unit',
         'what the sensor cannot read: a measurement above counts as none',

@@ -24,7 +24,7 @@ from typing import Any
 from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
 from nadrc_ros.adrc.controller import tick
 from nadrc_ros.adrc.law import disturbance_estimate, output_estimate
-from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.adrc.settings import LARGEST, SMALLEST
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import LEVELS
 from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME
@@ -119,7 +119,7 @@ def compiled_loop(
             references(reference_signal, t, r)
             usable = True
             for i in range(len(r)):
-                usable = usable and -LARGEST < r[i] < LARGEST
+                usable = usable and SMALLEST < r[i] < LARGEST
             if not usable:
                 break
             for i in range(len(reference)):
