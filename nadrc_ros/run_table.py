@@ -116,7 +116,8 @@ class RunTable:
             if not line.startswith(expected.encode()):
                 raise UserError(f'{self._rows}: line {rows + 2} is not that of this sweep')
             rows, end = rows + 1, end + len(line)
-        os.truncate(self._file.fileno(), end)
+        if end < self._file.seek(0, os.SEEK_END):
+            os.truncate(self._file.fileno(), end)
         if rows < 0:
             self._file.write(header.encode())
             self._file.flush()

@@ -47,6 +47,20 @@ class AtOnce(Executor):
         return future
 
 
+class Stuck(AtOnce):
+    """Does the first task only, and is interrupted when it is given the tenth."""
+
+    def __init__(self, futures: list[Future[Any]]) -> None:
+        super().__init__()
+        self.given = futures
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self.given.append(Future() if self.given else super().submit(fn, *args))
+        if len(self.given) == 10:
+            raise KeyboardInterrupt
+        return self.given[-1]
+
+
 def test_several_plants_are_run_in_the_order_of_nested_loops() -> None:
     plants = [experiment(0.1), experiment(0.4)]
     seeds = (3, 1)
@@ -112,17 +126,9 @@ def test_a_bounded_number_of_tasks_is_under_way() -> None:
 
 
 def test_what_was_not_begun_is_cancelled_when_the_reader_goes() -> None:
-    class Never(AtOnce):
-        def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-            future = super().submit(fn, *args) if args == (0,) else Future()
-            waiting.append(future)
-            if len(waiting) == 10:
-                raise KeyboardInterrupt
-            return future
-
     waiting: list[Future[Any]] = []
     with pytest.raises(KeyboardInterrupt):
-        list(stream(Never(), abs, ((i,) for i in range(20))))
+        list(stream(Stuck(waiting), abs, ((i,) for i in range(20))))
     assert [future.cancelled() for future in waiting[:9]] == [False] + [True] * 8
 
 

@@ -2,12 +2,12 @@
 
 # ruff: noqa: UP045
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting
+from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting, USER_ERROR
 import typer
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 # Without a terminal, a line that often [s].
 EVERY = 10.0
-CONNECT_TIMEOUT = 10.0
 
 
 def sweep(
@@ -42,6 +41,7 @@ def sweep(
     Example: nadrc sweep config/sweeps/bandwidth.yaml --out bandwidth.parquet
     """
     with reporting(str(file)):
+        from nadrc_ros.cli.workers import cluster, processes
         from nadrc_ros.run_table import FORMATS, RunTable
         from nadrc_ros.scenario.sweep import load_sweep
         from nadrc_ros.simulation.experiment import WORTH_COMPILING
@@ -58,15 +58,17 @@ def sweep(
         try:
             if table.done < table.runs:
                 fast = extent.periods >= WORTH_COMPILING
-                with _workers(jobs, dask) as executor:
+                with cluster(dask) if dask else processes(jobs) as executor:
                     _fill(table, wanted, executor, fast, extent.periods)
             table.finish()
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, BrokenExecutor, CancelledError) as error:
+            interrupted = isinstance(error, KeyboardInterrupt)
             complain(
-                f'interrupted: {table.done} of {table.runs} runs are kept; '
+                f'{"interrupted" if interrupted else "the workers are gone"}: '
+                f'{table.done} of {table.runs} runs are kept; '
                 'the same command goes on from there'
             )
-            raise typer.Exit(INTERRUPTED) from None
+            raise typer.Exit(INTERRUPTED if interrupted else USER_ERROR) from None
         finally:
             table.close()
         typer.echo(f'{table.runs} runs in {path}')
@@ -87,42 +89,6 @@ def _fill(
         for found in stream(executor, run_range, tasks):
             table.append(found)
             tell()
-
-
-@contextmanager
-def _workers(jobs: Optional[int], dask: Optional[str]) -> Iterator[Executor]:
-    """Start processes of our own, or connect to those of a cluster."""
-    if dask is not None:
-        with _client(dask) as client:
-            yield client.get_executor()
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import active_children, get_context
-
-    from nadrc_ros.simulation.many import ignore_interrupts
-
-    with ProcessPoolExecutor(
-        jobs, mp_context=get_context('spawn'), initializer=ignore_interrupts
-    ) as executor:
-        try:
-            yield executor
-        except BaseException:
-            for child in active_children():  # do not wait for what is not wanted any more
-                child.terminate()
-            raise
-
-
-def _client(address: str) -> Any:
-    from nadrc_ros.adrc.errors import UserError
-
-    try:
-        from distributed import Client
-    except ImportError:
-        raise UserError('--dask needs dask: pip install "nadrc_ros[sweep]"') from None
-    try:
-        return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise UserError(f'--dask {address}: no scheduler answers there ({error})') from None
 
 
 @contextmanager

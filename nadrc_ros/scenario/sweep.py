@@ -187,7 +187,7 @@ def load_sweep(path: str | Path) -> Sweep:
         scenario=scenario,
         folder=str(folder),
         vary=_vary(data.get('vary') or {}, scenario),
-        seeds=_seeds(data.get('seeds') or [scenario.get('seed', 0)]),
+        seeds=_seeds(data.get('seeds', [scenario.get('seed', 0)])),
     )
 
 
@@ -268,7 +268,9 @@ def _place(data: dict[str, Any], path: str, value: Any) -> None:
 
 
 def _names(inside: Any) -> Iterable[Any]:
-    return range(len(inside)) if isinstance(inside, list) else inside if inside else ()
+    if isinstance(inside, list):
+        return range(len(inside))
+    return inside if isinstance(inside, dict) else ()
 
 
 def _long_form(step: Any, value: Any) -> Any:
