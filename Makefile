@@ -51,8 +51,8 @@ soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repea
 	seed=$(or $(SEED),$$RANDOM)
 	echo "make: these are the faults of: make soak SEED=$$seed"
 	python -m pytest -s --soak --seed $$seed test/ros/test_graph_soak.py
-	python -m pytest -n 2 --hypothesis-profile=soak --hypothesis-seed=$$seed --soak --seed $$seed \
-		-k 'p01 or p02 or p03 or p20' test/test_law.py test/test_controller.py test/test_soak.py
+	python -m pytest -n 2 --dist worksteal --hypothesis-profile=soak --hypothesis-seed=$$seed --soak \
+		--seed $$seed -k 'p01 or p02 or p03 or p20' test/test_law.py test/test_controller.py test/test_soak.py
 
 bench: build $(VENV)/bench ## compare with other controllers, write out/bench (ARGS=robustness selects)
 	@$(ACTIVATE)

@@ -15,7 +15,7 @@ from soak import LIMIT, NODES, RATE, Soak, UNTIL_CALM
 
 DURATION = {True: 600.0, False: 45.0}
 # What may be called steady [kB/min]: a short run still sees what is allocated once.
-STEADY = {True: 60.0, False: 600.0}
+STEADY = {True: 40.0, False: 600.0}
 
 
 def test_p20_random_faults_leave_no_growth_no_flood_and_no_lost_record(
