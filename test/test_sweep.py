@@ -115,9 +115,10 @@ def test_an_input_gain_that_was_left_out_follows_the_plant(tmp_path: Path) -> No
 
 
 def test_without_seeds_it_is_the_seed_of_the_scenario(tmp_path: Path) -> None:
-    assert sweep(tmp_path).seeds == (0,)
+    assert sweep(tmp_path).seeds == range(1)
     assert sweep(tmp_path, scenario={**SCENARIO, 'seed': 12}).seeds == (12,)
-    assert sweep(tmp_path, seeds=3).seeds == (0, 1, 2)
+    assert sweep(tmp_path, seeds=3) == sweep(tmp_path, seeds=[0, 1, 2])
+    assert tuple(sweep(tmp_path, seeds=3).seeds) == (0, 1, 2)
     assert sweep(tmp_path).check().runs == 2
 
 

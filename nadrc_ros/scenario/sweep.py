@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
 from hashlib import sha256
 import json
@@ -62,7 +62,7 @@ class Sweep:
     scenario: dict[str, Any]
     folder: str
     vary: dict[str, tuple[Any, ...]]
-    seeds: tuple[int, ...]
+    seeds: Sequence[int]
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -124,7 +124,8 @@ class Sweep:
     def describe(self, files: tuple[str, ...]) -> str:
         """Return the sweep as YAML, with the digests of the plant files: equal for equal runs."""
         vary = {path: list(values) for path, values in self.vary.items()}
-        text = write_yaml({'scenario': self.scenario, 'vary': vary, 'seeds': list(self.seeds)})
+        seeds = len(self.seeds) if isinstance(self.seeds, range) else list(self.seeds)
+        text = write_yaml({'scenario': self.scenario, 'vary': vary, 'seeds': seeds})
         digests = [f'# {file} {sha256(Path(file).read_bytes()).hexdigest()}\n' for file in files]
         return ''.join((text, *digests))
 
@@ -239,15 +240,16 @@ def _vary(given: Any, scenario: dict[str, Any]) -> dict[str, tuple[Any, ...]]:
     return {path: tuple(values) for path, values in given.items()}
 
 
-def _seeds(given: Any) -> tuple[int, ...]:
+def _seeds(given: Any) -> Sequence[int]:
     """Take a list as it is, and a number as that many seeds from 0 on."""
     if type(given) is int and given > 0:
-        return tuple(range(given))
+        return range(given)
     seeds = given if isinstance(given, list) else []
     fine = all(type(seed) is int and 0 <= seed <= LARGEST_SEED for seed in seeds)
     if not (seeds and fine and len(set(seeds)) == len(seeds)):
         raise SettingError('seeds', given, 'how many, or a list of different integers from 0 on')
-    return tuple(seeds)
+    count = range(len(seeds))
+    return count if seeds == list(count) else tuple(seeds)
 
 
 def _place(data: dict[str, Any], path: str, value: Any) -> None:
