@@ -65,7 +65,7 @@ def check_resources(name: str, run: Soak, steady: float) -> None:
 
 
 def judged(run: Soak, name: str) -> list[Held]:
-    """Return what a node held in the last part of the run, long after the last death of another."""
+    """Return what a node held in the last part of the run, when all was calm for a while."""
     samples = run.held[name]
     return [held for held in samples if held.time > samples[-1].time - 0.4 * run.duration]
 
@@ -80,8 +80,8 @@ def report(run: Soak, seed: int) -> None:
         slope, doubt = growth(samples)
         files = [sample.files for sample in samples]
         print(
-            f'{name:12}{len(lines):8}{sum(lines):10}{samples[-1].memory:8}{slope:8.1f} ±{doubt:4.1f}'
-            f'{min(files):5} ..{max(files):3}'
+            f'{name:12}{len(lines):8}{sum(lines):10}{samples[-1].memory:8}'
+            f'{slope:8.1f} ±{doubt:4.1f}{min(files):5} ..{max(files):3}'
         )
     for fault, count in sorted(run.happened.items()):
         print(f'{count:5} {fault}')
