@@ -21,6 +21,8 @@ from rclpy.utilities import remove_ros_args
 
 
 class Observer(LiveNode):
+    """Listens to what its topics and /diagnostics say, and writes it down."""
+
     def __init__(self, file: TextIO, topics: list[str]) -> None:
         super().__init__('observer')
         self._file = file
