@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite, nan
+from math import nan
 from pathlib import Path
 import time
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.fields import build, choice, declared, flag, text
+from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, Latencies, OK, WARN
+from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import PacingSettings, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
@@ -21,8 +22,10 @@ from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
 from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
 from nadrc_ros.replay import TraceWriter
+from rclpy.clock import Clock, ClockType
 from std_srvs.srv import SetBool, Trigger
 
+LOOK = 0.1
 LEVELS = {
     Cause.NONE: OK,
     Cause.START: WARN,
@@ -43,6 +46,13 @@ class LoopSettings:
         live=False,
     )
     enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
+    estimate_divisor: int = integer(
+        1,
+        1,
+        10000,
+        'estimates are published with every so-manieth command; ignored in lockstep',
+        live=False,
+    )
     trace: str = text(
         '', 'new file for one record per step, from which the run can be replayed', live=False
     )
@@ -85,7 +95,6 @@ class ControllerNode(LiveNode):
         self._sent: float | None = None
         self.latencies = Latencies()
         self.lockstep: Lockstep | None = None
-        self._senders: dict[str, Sender] = {}
         inputs = ['measurement', 'reference', *derivatives]
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
@@ -99,12 +108,16 @@ class ControllerNode(LiveNode):
                 receive(self, topic, self._reference_taker(i))
             self._by_timer = loop.trigger == 'timer'
             self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
-            stamped = not self.get_parameter('use_sim_time').value
-            self._times = SampleTimes(self.pacing.period, stamped)
-            self._ticked = self._heard = self.ticker.clock.now().nanoseconds
+            self._times = SampleTimes(self.pacing.period, not self.ticker.simulated)
+            self._ticked = self._heard = self.ticker.now()
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self._make_estimate_senders()
+        self._estimates = Estimates(self._sender, always=self.lockstep is not None)
+        self._divisor = loop.estimate_divisor if self.lockstep is None else 1
+        self._steps = 0
+        self.create_timer(
+            LOOK, self._estimates.look, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         self.diagnostics = Diagnostics(self, self._report)
 
     # ---- parameters and services ----
@@ -129,6 +142,7 @@ class ControllerNode(LiveNode):
         if request.data == self.controller.enabled:
             response.message = 'already ' + response.message
         self.controller.enabled = request.data
+        self._estimates.look()
         self.diagnostics.publish()
         return response
 
@@ -145,27 +159,28 @@ class ControllerNode(LiveNode):
     def _on_measurement(self, value: float, info: Info) -> None:
         if self._sample is not None:
             self._overwritten += 1
-        self._heard = self.ticker.clock.now().nanoseconds
+        self._heard = self.ticker.now()
         self._sample = value, info, self._heard
         if not self._by_timer:
             self._step()
+            self.ticker.put_off()
 
     def _reference_taker(self, index: int) -> Any:
         def take(value: float, _: Info) -> None:
             self._reference[index] = value
-            self._reference_heard[index] = self.ticker.clock.now().nanoseconds
+            self._reference_heard[index] = self.ticker.now()
             self._referenced = self._referenced or index == 0
 
         return take
 
     def _on_timer(self, _: float) -> None:
-        silence = self.ticker.clock.now().nanoseconds - self._heard
+        silence = self.ticker.now() - self._heard
         if self._by_timer or not 0 <= silence <= 1.5e9 * self.pacing.period:
             self._step()
 
     def _step(self) -> None:
         """Do one real-time tick with the newest sample, or without one."""
-        now = self.ticker.clock.now().nanoseconds
+        now = self.ticker.now()
         elapsed, self._ticked = max(0.0, (now - self._ticked) * 1e-9), now
         if self._sample is None:
             self._idle += 1
@@ -204,7 +219,9 @@ class ControllerNode(LiveNode):
         if not resting or self.lockstep is not None:
             self._command.send(command)
             self._sent = command
-        self._send_estimates()
+        self._steps += 1
+        if self._steps % self._divisor == 0:
+            self._estimates.send(controller)
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
         if self._shown != (controller.mode, controller.cause):
@@ -214,24 +231,6 @@ class ControllerNode(LiveNode):
 
     def _sender(self, topic: str) -> Sender:
         return Sender(self, topic) if self.lockstep is None else self.lockstep.add_output(topic)
-
-    def _make_estimate_senders(self) -> None:
-        """Add the senders that are missing; none is ever destroyed while the node runs."""
-        topics = ['~/tracking', '~/output_estimate', '~/total_disturbance']
-        topics += [f'~/level_{k + 1}/disturbance' for k in range(self.controller.design.levels)]
-        for topic in topics:
-            if topic not in self._senders:
-                self._senders[topic] = self._sender(topic)
-
-    def _send_estimates(self) -> None:
-        controller = self.controller
-        disturbances = controller.disturbances
-        if len(self._senders) < 3 + len(disturbances):
-            self._make_estimate_senders()
-        values = [controller.tracking, controller.output_estimate, controller.total_disturbance]
-        for sender, value in zip(self._senders.values(), [*values, *disturbances]):
-            if isfinite(value):
-                sender.send(value)
 
     # ---- what it says of itself ----
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import time
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
@@ -77,19 +78,37 @@ class Ticker:
     """
 
     def __init__(self, node: Node, rate: float, tick: Callable[[float], None]) -> None:
-        sim_time = node.get_parameter('use_sim_time').value
-        self.clock = node.get_clock() if sim_time else Clock(clock_type=ClockType.STEADY_TIME)
+        self.simulated: bool = node.get_parameter('use_sim_time').value
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._clock = node.get_clock() if self.simulated else steady
         self.periods = 0
         self.missed = 0
         self._period = 1.0 / rate
         self._tick = tick
         self._last = 0
         self._begin = 0
-        node.create_timer(self._period, self._fire, clock=self.clock)
+        self._timer = node.create_timer(self._period, self._fire, clock=self._clock)
+
+    def now(self) -> int:
+        """Return the time on the clock of the timer [ns]."""
+        return self._clock.now().nanoseconds if self.simulated else time.monotonic_ns()
+
+    def put_off(self) -> None:
+        """Take what was just done for the tick of this period: the next is one period away."""
+        self._count()
+        self._timer.reset()
 
     def _fire(self) -> None:
-        """Count against the clock, in which a late tick and an early one are no missed period."""
-        now = self.clock.now().nanoseconds
+        self._tick(self._count())
+
+    def _count(self) -> float:
+        """
+        Count a period and return the time since the last one [s].
+
+        It is counted against the clock, in which a late tick and an early one are no missed
+        period.
+        """
+        now = self.now()
         elapsed = (now - self._last) * 1e-9 if self.periods else self._period
         if elapsed < 0.0 or not self.periods:  # simulated time may go back
             self._begin = now - int((self.periods + self.missed) * self._period * 1e9)
@@ -97,4 +116,4 @@ class Ticker:
         self.periods += 1
         due = round((now - self._begin) * 1e-9 / self._period) + 1
         self.missed = max(self.missed, due - self.periods)
-        self._tick(max(elapsed, 0.0))
+        return max(elapsed, 0.0)

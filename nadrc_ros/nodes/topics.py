@@ -50,6 +50,11 @@ class Sender:
         self.topic: str = self.publisher.topic_name
         self._message = Float64()
 
+    @property
+    def has_readers(self) -> bool:
+        """Tell whether anybody subscribes."""
+        return bool(self.publisher.get_subscription_count())
+
     def send(self, value: float) -> None:
         """Publish ``value``."""
         self._message.data = value
@@ -67,13 +72,13 @@ class Sender:
 def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST) -> str:
     """Subscribe ``callback(value, info)`` to a topic and return its full name."""
 
-    def unpack(message: Float64, info: Info) -> None:
-        callback(message.data, info)
+    def signature(message: Float64, info: Info) -> None: ...
 
     # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
-    @functools.wraps(unpack)
+    @functools.wraps(signature)
     def call(*args: Any) -> None:
-        unpack(*(args if len(args) == 2 else args[0]))
+        message, info = args if len(args) == 2 else args[0]
+        callback(message.data, info)
 
     subscription = node.create_subscription(
         Float64, topic, call, qos, qos_overriding_options=_overridable(topic, qos)

@@ -30,8 +30,8 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.runtime import run
 
 class Broken(ControllerNode):
-    def _send_estimates(self):
-        super()._send_estimates()
+    def _tick(self, *arguments):
+        super()._tick(*arguments)
         if self.controller.settings.good_samples == 7:
             raise ZeroDivisionError('on purpose')
 
