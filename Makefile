@@ -8,7 +8,7 @@ SHELL := bash
 
 PYTHON ?= python3
 ARGS ?=
-BENCHES := robustness
+BENCHES := step simulate many start_up robustness
 MIN_TESTS := 2000# `make test` fails when fewer are collected: raise it with the suite
 VENV := .venv
 PY := $(VENV)/bin/python

@@ -6,6 +6,8 @@ import sys
 from setuptools import find_packages, setup
 
 NAME = 'nadrc_ros'
+# What the benches compare with.
+RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
 NODES = ('controller', 'plant', 'reference', 'recorder')
 
 # colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
@@ -56,11 +58,11 @@ setup(
             'pytest',
             'pytest-xdist',
             'hypothesis',
-            'pyadrc==0.6.1',
+            *RIVALS,
             'dask[distributed]',
             'pyarrow',
         ],
-        'bench': ['pyadrc==0.6.1', 'simple-pid==2.0.1'],
+        'bench': RIVALS,
         'lint': [
             'ruff',
             'mypy',

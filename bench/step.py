@@ -1,5 +1,5 @@
 """
-One step of the law in plain Python, as the controller node takes it, against pyadrc and simple-pid.
+One step of the law in plain Python, as the node takes it, against pyadrc and simple-pid.
 
     python -m bench.step
 

@@ -1,0 +1,156 @@
+"""
+Many runs of which only the figures of merit are kept, as ``nadrc sweep`` makes them.
+
+    python -m bench.many
+
+A run is 10 s at 1 kHz on the plant of the paper, with a seed of its own, in compiled threads. On
+one core and on two it is the same process that is given one core or two, in many short turns, of
+which the best counts: the others tell what else the machine had to do. Memory is the peak of a
+process of its own, Python, NumPy and numba included. How the cost grows is measured on the
+``chain``, which there is for every order, on one core, in turns and by the best as well.
+
+Keys: ``many.runs_per_s_1core``, ``.runs_per_s_2core`` [1/s]; ``.peak_mb`` of 10^5 short runs,
+``.peak_mb_<n>_steps`` [MB] of a few with that many steps; ``.us_per_run_<case>`` [us].
+Samples: runs per second of each turn, and microseconds per run of each turn and case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from resource import getrusage, RUSAGE_SELF
+import subprocess
+import sys
+from time import perf_counter
+from typing import Any
+
+import attrs
+from bench.results import save, show
+from bench.simulate import EXPERIMENT, SETTINGS
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.many import simulate_many
+from nadrc_ros.simulation.plants.chain import Chain
+
+RUNS = 10_000
+TURNS = 50
+MANY_RUNS, SHORT = 100_000, 0.01
+LENGTHS = (10_000, 1_000_000)
+Case = tuple[Experiment, ControllerSettings, int]
+
+
+def lasting(seconds: float, experiment: Experiment = EXPERIMENT) -> Experiment:
+    return attrs.evolve(experiment, duration=seconds)
+
+
+def time_runs(experiment: Experiment, settings: ControllerSettings, runs: int) -> float:
+    """Return how long that many runs take [s]."""
+    start = perf_counter()
+    simulate_many(experiment, [settings], range(runs), compiled=True)
+    return perf_counter() - start
+
+
+@contextmanager
+def cores(count: int) -> Iterator[None]:
+    """Give that many cores to the threads that are started in here."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(allowed)[:count])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+def rates(experiment: Experiment, runs: int, turns: int) -> dict[str, list[float]]:
+    """Return the runs per second of each turn, on one core and on two."""
+    found: dict[str, list[float]] = {'1core': [], '2core': []}
+    time_runs(experiment, SETTINGS, 1)  # what is compiled, or read from disk, is so now
+    for _ in range(turns):
+        for count, name in enumerate(found, 1):
+            with cores(count):
+                took = time_runs(experiment, SETTINGS, runs // turns)
+            found[name].append(runs // turns / took)
+    return found
+
+
+def cases(steps: int, runs: int) -> dict[str, Case]:
+    """Return the base case and those that differ from it in one number."""
+
+    def case(n: int = 2, k: int = 2, longer: int = 1, more: int = 1) -> Case:
+        experiment = attrs.evolve(
+            EXPERIMENT,
+            plant=Chain(order=n, damping=1.0),
+            initial_state=(0.0,) * n,
+            duration=longer * steps * EXPERIMENT.period,
+        )
+        structure = 'nested' if k > 1 else 'conventional'
+        settings = attrs.evolve(SETTINGS, plant_order=n, structure=structure, levels=max(k, 2))
+        return experiment, settings, more * runs
+
+    return {
+        'base': case(),
+        'k1': case(k=1),
+        'k4': case(k=4),
+        'n1': case(n=1),
+        'n4': case(n=4),
+        '10x_steps': case(longer=10),
+        '10x_runs': case(more=10),
+    }
+
+
+def growth(steps: int, runs: int, turns: int) -> dict[str, list[float]]:
+    """Return the time per run [us] of each turn, by case."""
+    found: dict[str, list[float]] = {name: [] for name in cases(steps, runs)}
+    with cores(1):
+        for turn in range(-1, turns):
+            for name, (experiment, settings, count) in cases(steps, runs).items():
+                took = time_runs(experiment, settings, 1 if turn < 0 else count)
+                if turn >= 0:  # the first is for compiling
+                    found[name].append(1e6 * took / count)
+    return found
+
+
+def peak_memory(runs: int, seconds: float) -> float:
+    """Return the peak memory [MB] of a process that makes so many runs of so many seconds."""
+    command = [sys.executable, '-m', 'bench.many', str(runs), str(seconds)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return float(done.stdout)
+
+
+def child(runs: int, seconds: float) -> None:
+    time_runs(lasting(seconds), SETTINGS, runs)
+    print(getrusage(RUSAGE_SELF).ru_maxrss / 1024.0)
+
+
+def main(
+    experiment: Experiment = EXPERIMENT,
+    runs: int = RUNS,
+    turns: int = TURNS,
+    many_runs: int = MANY_RUNS,
+    lengths: tuple[int, ...] = LENGTHS,
+    growth_runs: int = 20,
+    **where: Any,
+) -> None:
+    speed = rates(experiment, runs, turns)
+    cost = growth(experiment.steps // 10, growth_runs, min(turns, 10))
+    found = {f'runs_per_s_{name}': max(each) for name, each in speed.items()}
+    found['peak_mb'] = peak_memory(many_runs, SHORT)
+    for steps in lengths:
+        found[f'peak_mb_{steps}_steps'] = peak_memory(2, steps * EXPERIMENT.period)
+    for name, each in cost.items():
+        found[f'us_per_run_{name}'] = min(each)
+    save('many', found, speed | cost, **where)
+    show('many', {name: {'': value} for name, value in found.items()}, FOOTNOTE)
+
+
+FOOTNOTE = (
+    'Runs of 10 s at 1 kHz; peak_mb: 10^5 runs of 10 steps; us_per_run: 1000 steps of n = 2 and '
+    'K = 2, or with that one number changed.'
+)
+
+if __name__ == '__main__':
+    if len(sys.argv) > 1:
+        child(int(sys.argv[1]), float(sys.argv[2]))
+    else:
+        main()

@@ -1,0 +1,153 @@
+"""
+From the start of the controller's process to its first command computed from a measurement.
+
+    python -m bench.start_up
+
+The plant is already running and noisy. Until the law acts the safe command 0 is sent, and the
+first one of the law equals it, so the time is that at which another process receives the first one
+that is not 0: with a tick of 5 ms and the discovery in it. Own imports are those of this package
+and of attrs, in another process under ``-X importtime``, each module without what it imports:
+all but ROS (with PyYAML, which rclpy imports too), NumPy and the standard library.
+
+Keys: ``start_up.first_command_s`` and ``.own_imports_s`` [s], medians; ``.imports_s`` [s], of all
+modules. Samples [s], one for each start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+import random
+import signal
+import subprocess
+import sys
+from time import monotonic
+from typing import Any
+
+from bench.results import save, show
+import numpy as np
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64
+
+STARTS = 9
+PATIENCE = 60.0
+QUIET = ('--log-level', 'error')
+OWN = ('nadrc_ros', 'attr', 'attrs')
+CONTROLLER = 'nadrc_ros.nodes.controller'
+PLANT = 'nadrc_ros.nodes.plant'
+# Damped and at rest without a command: it can wait for the next controller.
+PLANT_PARAMETERS = {'plant': 'chain', 'damping': '1.0', 'noise_variance': '1e-4'}
+
+
+def environment() -> dict[str, str]:
+    """Return one in which Python keeps what it compiled, as users have it."""
+    return {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
+
+
+@contextmanager
+def process(module: str, **parameters: str) -> Iterator[float]:
+    """Run a node in a process of its own; yield the time at which that was started [s]."""
+    given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    start = monotonic()
+    command = [sys.executable, '-m', module, '--ros-args', *QUIET, *given]
+    running = subprocess.Popen(command, env=environment())
+    try:
+        yield start
+    finally:
+        running.send_signal(signal.SIGINT)
+        running.wait()
+
+
+class Listener:
+    """Hears when a topic first has a value that is not 0."""
+
+    def __init__(self, context: Context) -> None:
+        self.node = Node('listener', context=context)
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.node)
+        self.heard: dict[str, float] = {}
+        best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for topic in ('measurement', 'command'):
+            self.node.create_subscription(Float64, topic, self._taker(topic), best_effort)
+
+    def _taker(self, topic: str) -> Any:
+        def take(message: Float64) -> None:
+            if message.data != 0.0:
+                self.heard.setdefault(topic, monotonic())
+
+        return take
+
+    def wait(self, topic: str) -> float:
+        """Return when that was, from now on [s]."""
+        self.heard.clear()
+        end = monotonic() + PATIENCE
+        while topic not in self.heard:
+            if monotonic() > end:
+                raise RuntimeError(f'nothing came on the topic {topic} in {PATIENCE:g} s')
+            self.executor.spin_once(timeout_sec=1.0)
+        return self.heard[topic]
+
+
+def first_commands(starts: int) -> list[float]:
+    """Return the time from the start of the process to the first command, of each start [s]."""
+    context = Context()
+    context.init()
+    listener, found = Listener(context), []
+    with process(PLANT, **PLANT_PARAMETERS):
+        for _ in range(starts):
+            listener.wait('measurement')
+            with process(CONTROLLER) as start:
+                found.append(listener.wait('command') - start)
+            while listener.node.count_publishers('command'):
+                listener.executor.spin_once(timeout_sec=0.05)
+    listener.node.destroy_node()
+    context.shutdown()
+    return found
+
+
+def python(code: str, *arguments: str) -> str:
+    """Return what a fresh interpreter prints."""
+    command = [sys.executable, '-c', code, *arguments]
+    return subprocess.run(
+        command, check=True, capture_output=True, text=True, env=environment()
+    ).stdout
+
+
+def own_imports(starts: int) -> list[float]:
+    """Return how long the controller takes to import when all else it needs is there [s]."""
+    listed = python(f'import sys, {CONTROLLER}; print(*sys.modules)').split()
+    others = [name for name in listed if name.split('.')[0] not in (*OWN, '__main__')]
+    return [float(python(TIME_IMPORT, *others)) for _ in range(starts)]
+
+
+TIME_IMPORT = f"""
+from importlib import import_module
+import sys
+from time import perf_counter
+for name in sys.argv[1:]:
+    import_module(name)
+start = perf_counter()
+import {CONTROLLER}
+print(perf_counter() - start)
+"""
+
+
+def main(starts: int = STARTS, **where: Any) -> None:
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    first = first_commands(starts)
+    samples = {'first_command_s': first, 'own_imports_s': own_imports(starts)}
+    found = {name: float(np.median(times)) for name, times in samples.items()}
+    found['slowest_first_command_s'] = max(first)
+    save('start_up', found, samples, **where)
+    show('start_up', {name: {'s': value} for name, value in found.items()}, FOOTNOTE)
+
+
+FOOTNOTE = 'From the start of the process, with the plant already running.'
+
+if __name__ == '__main__':
+    main()
