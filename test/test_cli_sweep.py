@@ -52,6 +52,7 @@ def start(file: Path, *arguments: object) -> subprocess.Popen[str]:
         [sys.executable, '-m', 'nadrc_ros.cli', 'sweep', str(file), *map(str, arguments)],
         cwd=ROOT,
         env={**os.environ, MARK: str(file.parent)},
+        start_new_session=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -204,7 +205,10 @@ def test_what_is_done_is_kept_and_not_done_again(
     path = tmp_path / 'out.csv'
     process = start(file, '--out', path, '--jobs', 2)
     wait_for_rows(path, 3, process)
-    process.send_signal(kill)
+    if kill == signal.SIGINT:
+        os.killpg(process.pid, kill)  # as a terminal does
+    else:
+        process.send_signal(kill)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == code, errors
     kept = path.read_bytes()

@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 import gc
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
 import tracemalloc
 from typing import Any
 import weakref
@@ -17,6 +22,7 @@ from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.many import AHEAD, batch_size, run_metrics, simulate_many, stream
 import pytest
 
+ROOT = Path(__file__).parents[1]
 TEXT = """
 plant: {name: paper, a3: %s}
 reference: {signal: cosine}
@@ -24,6 +30,22 @@ noise: {variance: 1e-4}
 rate: 100
 duration: 0.3
 controllers: {nested: {}}
+"""
+SCRIPT = f"""
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.scenario import loads
+from nadrc_ros.simulation.many import simulate_many
+
+def tell(done, count):
+    if done == 100:
+        print('going', flush=True)
+
+if __name__ == '__main__':
+    one = loads('''{TEXT % 0.2}''').experiment()
+    found = simulate_many(
+        one, [ControllerSettings()], range(1000), compiled=False, progress=tell
+    )
+    print(len(found))
 """
 SETTINGS = [ControllerSettings(), ControllerSettings(structure='conventional')]
 
@@ -100,6 +122,23 @@ def test_ctrl_c_returns_what_is_done() -> None:
     part = simulate_many(experiment(), SETTINGS, range(150), progress=interrupt, **kwargs)
     assert 100 <= len(part) < len(whole) == 300
     assert part == whole[: len(part)]
+
+
+def test_ctrl_c_on_a_terminal_is_no_matter_of_the_processes() -> None:
+    process = subprocess.Popen(
+        [sys.executable, '-c', SCRIPT],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == 'going\n'
+    os.killpg(process.pid, signal.SIGINT)
+    out, errors = process.communicate(timeout=60.0)
+    assert (process.returncode, errors) == (0, '')
+    assert 0 < int(out.split()[-1]) < 1000
 
 
 def test_without_the_compiler_all_cores_are_used_by_processes() -> None:

@@ -19,21 +19,25 @@ CONNECT_TIMEOUT = 10.0
 def processes(jobs: int | None) -> Iterator[Executor]:
     """Give so many processes, by default one per core, that end with this one."""
     count = jobs or os.cpu_count() or 1
-    with ProcessPoolExecutor(
+    executor = ProcessPoolExecutor(
         count, mp_context=get_context('spawn'), initializer=_end_with_parent
-    ) as executor:
-        try:
-            # Ctrl-C goes to every process of a terminal. The workers inherit that they wait with
-            # it for ever; each of these tasks starts one.
-            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-            for _ in range(count):
-                executor.submit(int)
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-            yield executor
-        except BaseException:
-            for child in active_children():  # nobody waits for them any more
-                child.terminate()
-            raise
+    )
+    try:
+        # Ctrl-C goes to every process of a terminal. The workers inherit that they wait with it
+        # for ever; each of these tasks starts one.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        for _ in range(count):
+            executor.submit(int)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        yield executor
+    except BaseException:
+        # First what is waiting, or Python 3.11 complains of it; then what nobody waits for.
+        executor.shutdown(wait=False, cancel_futures=True)
+        for child in active_children():
+            child.terminate()
+            child.join()
+        raise
+    executor.shutdown()
 
 
 @contextmanager

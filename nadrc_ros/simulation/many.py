@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from itertools import islice, product
 from typing import Any, TypeVar
 
@@ -126,6 +132,9 @@ def stream(
                 ahead = AHEAD
         while pending:
             yield pending.popleft().result()
+    except BrokenExecutor:
+        pending.clear()  # it tells them itself
+        raise
     finally:
         for future in pending:
             future.cancel()
