@@ -21,6 +21,7 @@ from std_srvs.srv import SetBool
 
 READY_TIME = 30.0
 ANSWER_TIME = 5.0
+ASK_AGAIN = 2.0
 SETTLE_TIME = 0.5
 
 # Called with the time since the start [s] and the ITAE of each loop so far.
@@ -147,16 +148,24 @@ class Operator:
                     raise GraphError(f'/{name}/controller refused the retune: {result.reason}')
 
     def _call(self, clients: dict[str, Any], request: Any) -> dict[str, Any]:
-        """Send one request to all at once and return the answers."""
-        futures = {name: client.call_async(request) for name, client in clients.items()}
+        """
+        Send one request to all at once and return the answers.
+
+        Who does not answer is asked again: Fast DDS drops the answer to a client that a busy
+        machine has not made known to the service in time.
+        """
+        answers: dict[str, Any] = {}
         end = time.monotonic() + ANSWER_TIME
-        while not all(future.done() for future in futures.values()):
-            check(self.loops)
+        while late := clients.keys() - answers.keys():
             if time.monotonic() > end:
-                late = ', '.join(name for name, future in futures.items() if not future.done())
-                raise GraphError(f'no answer from the controller of {late}')
-            spin_for(self._executor, 0.01)
-        return {name: future.result() for name, future in futures.items()}
+                raise GraphError(f'no answer from the controller of {", ".join(sorted(late))}')
+            futures = {name: clients[name].call_async(request) for name in late}
+            again = time.monotonic() + ASK_AGAIN
+            while not all(f.done() for f in futures.values()) and time.monotonic() < again:
+                check(self.loops)
+                spin_for(self._executor, 0.01)
+            answers |= {name: future.result() for name, future in futures.items() if future.done()}
+        return answers
 
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
         for status in array.status:

@@ -32,6 +32,7 @@ from std_srvs.srv import SetBool, Trigger
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 30.0
+ASK_AGAIN = 5.0
 
 Values = dict[str, Any]
 
@@ -205,13 +206,38 @@ class Probe:
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
         """Call a service and return its answer."""
+        return self.call_all([(self.client(kind, service), request)])[0]
+
+    def client(self, kind: Any, service: str) -> Any:
+        """Return the client of a service that is there."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
-        client = self._clients[service]
-        self.wait_until(client.service_is_ready)
-        future = client.call_async(request)
-        self.wait_until(future.done)
-        return future.result()
+        self.wait_until(self._clients[service].service_is_ready)
+        return self._clients[service]
+
+    def call_all(self, calls: list[tuple[Any, Any]]) -> list[Any]:
+        """
+        Send requests to their clients and return the answers.
+
+        Those that are not answered are asked again: Fast DDS drops the answer to a client that a
+        busy machine has not made known to the service in time.
+        """
+        answers: dict[int, Any] = {}
+
+        def all_answered() -> bool:
+            futures = {
+                i: client.call_async(request)
+                for i, (client, request) in enumerate(calls)
+                if i not in answers
+            }
+            again = time.monotonic() + ASK_AGAIN
+            while len(answers) < len(calls) and time.monotonic() < again:
+                spin_for(self.executor, 0.005)
+                answers.update({i: f.result() for i, f in futures.items() if f.done()})
+            return len(answers) == len(calls)
+
+        self.wait_until(all_answered)
+        return [answers[i] for i in range(len(calls))]
 
     def enable(self, on: bool = True, node: str = 'controller') -> Any:
         return self.call(SetBool, f'{node}/enable', SetBool.Request(data=on))

@@ -35,7 +35,6 @@ class Storm:
         self.probe = probe
         self.random = Random(seed)
         self.publishers = [probe.node.create_publisher(Float64, topic, SEND) for topic in TOPICS]
-        self.clients: dict[str, Any] = {}
         self.accepted = 0
         self.refused = 0
 
@@ -43,23 +42,18 @@ class Storm:
         """Send ``count`` requests to a node, and garbage meanwhile; each of them is answered."""
         shown = self.probe.all_parameters(node)
         for _ in range(0, count, AT_ONCE):
-            futures = [self._ask(node, shown) for _ in range(AT_ONCE)]
+            calls = [self._some_call(node, shown) for _ in range(AT_ONCE)]
             for _ in range(AT_ONCE):
                 self._publish()
-            self.probe.wait_until(lambda: all(future.done() for future in futures))  # noqa: B023
-            for future in futures:
-                self._count(future.result())
+            for answer in self.probe.call_all(calls):
+                self._count(answer)
 
-    def _ask(self, node: str, shown: dict[str, Any]) -> Any:
+    def _some_call(self, node: str, shown: dict[str, Any]) -> tuple[Any, Any]:
         if node in ('controller', 'recorder') and self.random.random() < 0.05:
             service, kind, content = operation(self.random, node)
         else:
             service, kind, content = request(self.random, shown)
-        topic = f'{node}/{service}'
-        if topic not in self.clients:
-            self.clients[topic] = self.probe.node.create_client(kind, topic)
-            self.probe.wait_until(self.clients[topic].service_is_ready)
-        return self.clients[topic].call_async(content)
+        return self.probe.client(kind, f'{node}/{service}'), content
 
     def _publish(self) -> None:
         value: Any = Float64(data=number(self.random))
