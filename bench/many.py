@@ -4,19 +4,22 @@ Many runs of which only the figures of merit are kept, as ``nadrc sweep`` makes 
     python -m bench.many
 
 A run is 10 s at 1 kHz on the plant of the paper, with a seed of its own, in compiled threads. On
-one core and on two it is the same process that is given one core or two, in many short turns, of
-which the best counts: the others tell what else the machine had to do. Memory is the peak of a
+one core and on two it is the same process that is given one core or two, in turns of which the
+best counts: the others tell what else the machine had to do. What two cores are worth here is told
+by the loop in C (loop.c), which does the same in as many threads. Memory is the peak of a
 process of its own, Python, NumPy and numba included. How the cost grows is measured on the
 ``chain``, which there is for every order, on one core, in turns and by the best as well.
 
-Keys: ``many.runs_per_s_1core``, ``.runs_per_s_2core`` [1/s]; ``.peak_mb`` of 10^5 short runs,
-``.peak_mb_<n>_steps`` [MB] of a few with that many steps; ``.us_per_run_<case>`` [us].
+Keys: ``many.runs_per_s_1core`` and ``.runs_per_s_2core`` [1/s], ``.c_per_s_1core`` and
+``.c_per_s_2core`` of the loop in C; ``.peak_mb`` of 10^5 short runs, ``.peak_mb_<n>_steps`` [MB] of
+a few with that many steps; ``.us_per_run_<case>`` [us].
 Samples: runs per second of each turn, and microseconds per run of each turn and case.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 import os
 from resource import getrusage, RUSAGE_SELF
@@ -27,14 +30,14 @@ from typing import Any
 
 import attrs
 from bench.results import save, show
-from bench.simulate import EXPERIMENT, SETTINGS
+from bench.simulate import c_loop, EXPERIMENT, Run, SETTINGS
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.many import simulate_many
 from nadrc_ros.simulation.plants.chain import Chain
 
 RUNS = 10_000
-TURNS = 50
+TURNS, GROWTH_TURNS = 4, 8
 MANY_RUNS, SHORT = 100_000, 0.01
 LENGTHS = (10_000, 1_000_000)
 Case = tuple[Experiment, ControllerSettings, int]
@@ -63,15 +66,35 @@ def cores(count: int) -> Iterator[None]:
 
 
 def rates(experiment: Experiment, runs: int, turns: int) -> dict[str, list[float]]:
-    """Return the runs per second of each turn, on one core and on two."""
-    found: dict[str, list[float]] = {'1core': [], '2core': []}
+    """Return the runs per second of each turn, on one core and on two, and those of the C loop."""
+    each = runs // turns
+    found: dict[str, list[float]] = {}
+    by_hand = [c_loop(experiment) for _ in range(2)]
     time_runs(experiment, SETTINGS, 1)  # what is compiled, or read from disk, is so now
     for _ in range(turns):
-        for count, name in enumerate(found, 1):
+        for count in (1, 2):
             with cores(count):
-                took = time_runs(experiment, SETTINGS, runs // turns)
-            found[name].append(runs // turns / took)
+                took = time_runs(experiment, SETTINGS, each)
+                found.setdefault(f'runs_per_s_{count}core', []).append(each / took)
+                loops = [loop[0] for loop in by_hand[:count] if loop is not None]
+                if loops:
+                    times = max(each // 8, 1)
+                    took = time_loops(loops, times)
+                    found.setdefault(f'c_per_s_{count}core', []).append(count * times / took)
     return found
+
+
+def time_loops(loops: list[Run], times: int) -> float:
+    """Return how long it takes to run each of these so many times, in a thread of its own [s]."""
+
+    def repeat(loop: Run) -> None:
+        for _ in range(times):
+            loop()
+
+    start = perf_counter()
+    with ThreadPoolExecutor(len(loops)) as threads:
+        list(threads.map(repeat, loops))
+    return perf_counter() - start
 
 
 def cases(steps: int, runs: int) -> dict[str, Case]:
@@ -129,12 +152,13 @@ def main(
     turns: int = TURNS,
     many_runs: int = MANY_RUNS,
     lengths: tuple[int, ...] = LENGTHS,
+    growth_turns: int = GROWTH_TURNS,
     growth_runs: int = 20,
     **where: Any,
 ) -> None:
     speed = rates(experiment, runs, turns)
-    cost = growth(experiment.steps // 10, growth_runs, min(turns, 10))
-    found = {f'runs_per_s_{name}': max(each) for name, each in speed.items()}
+    cost = growth(experiment.steps // 10, growth_runs, growth_turns)
+    found = {name: max(each) for name, each in speed.items()}
     found['peak_mb'] = peak_memory(many_runs, SHORT)
     for steps in lengths:
         found[f'peak_mb_{steps}_steps'] = peak_memory(2, steps * EXPERIMENT.period)
