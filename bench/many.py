@@ -11,8 +11,8 @@ process of its own, Python, NumPy and numba included. How the cost grows is meas
 ``chain``, which there is for every order, on one core, in turns and by the best as well.
 
 Keys: ``many.runs_per_s_1core`` and ``.runs_per_s_2core`` [1/s], ``.c_per_s_1core`` and
-``.c_per_s_2core`` of the loop in C; ``.peak_mb`` of 10^5 short runs, ``.peak_mb_<n>_steps`` [MB] of
-a few with that many steps; ``.us_per_run_<case>`` [us].
+``.c_per_s_2core`` of the loop in C; ``.peak_mb`` of 10^5 short runs, ``.peak_mb_<n>_steps`` of a
+few with that many steps [MB]; ``.us_per_run_<case>`` [us].
 Samples: runs per second of each turn, and microseconds per run of each turn and case.
 """
 
