@@ -189,6 +189,15 @@ def test_p01_a_bad_derivative_counts_as_unknown_and_does_not_block_the_reference
     assert spoiled.reference == [0.6, 0.1, 0.0]
 
 
+@pytest.mark.parametrize('bad', (NAN, INF, -INF, 1e308, 1.1e15))
+def test_p01_p08_a_first_measurement_that_is_none_starts_nothing(bad: float) -> None:
+    controller = Controller(ControllerSettings(safe_command=1.5))
+    untouched = state_bits(controller.state)
+    assert controller.tick(bad, H) == 1.5
+    assert state_bits(controller.state) == untouched
+    assert controller.reference == [0.0, 0.0, 0.0]
+
+
 def test_the_counts_add_up_and_name_what_happened() -> None:
     controller = Controller(ControllerSettings(command_max=1.0, max_dt=0.1))
     list(run_chain(controller, 10, r=100.0))

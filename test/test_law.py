@@ -105,6 +105,15 @@ def test_p03_the_clamp_does_not_turn_nan_into_full_actuator(value: float) -> Non
     assert law.step([0.0], NAN, H) == 1.5
 
 
+@pytest.mark.parametrize('value', (NAN, INF, -INF))
+def test_p03_a_law_that_is_no_number_is_not_full_actuator(value: float) -> None:
+    law = Law(design_of(command_min=-5.0, command_max=7.0), 0.1)
+    u = law.step([0.1, 0.2], 0.1, H)
+    assert 0.0 < u < 7.0
+    assert law.step([0.1, value], 0.1, H) == u
+    assert 0.0 < law.step([0.1, 0.2], 0.1, H) < 7.0
+
+
 ANY = st.one_of(st.floats(), st.sampled_from((*BAD, 0.0, 5e-324, -5e-324, 9.9e99, -9.9e99)))
 TIMES = st.one_of(st.floats(1e-9, 1.0), st.just(H), ANY)
 NOT_FINITE = st.sampled_from((NAN, INF, -INF))
@@ -177,13 +186,16 @@ def test_at_rest_the_command_that_keeps_it_goes_on(n: int, structure: str) -> No
         chain.advance(2.0 * u - 6.0, H)
 
 
-def test_rate_first_then_magnitude() -> None:
+def test_p02_p05_rate_first_then_magnitude() -> None:
     design = design_of(command_min=-1.0, command_max=2.0, command_rate_limit=10.0)
     assert limit(design, 5.0, 1.0, 0.01) == (1.1, Status.RATE_LIMITED)
     assert limit(design, -5.0, 1.0, 0.01) == (0.9, Status.RATE_LIMITED)
     assert limit(design, 5.0, 1.95, 0.01) == (2.0, Status.SATURATED)
     assert limit(design, 1.05, 1.0, 0.01) == (1.05, Status.OK)
     assert limit(design_of(command_max=2.0), 5.0, 0.0, 0.01) == (2.0, Status.SATURATED)
+    # What acted was outside: the range ranks above the rate.
+    assert limit(design, 0.0, 5.0, 0.01) == (2.0, Status.SATURATED)
+    assert limit(design, 0.0, -5.0, 0.01) == (-1.0, Status.SATURATED)
 
 
 @pytest.mark.parametrize('case', CASES)

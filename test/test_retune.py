@@ -138,7 +138,7 @@ def test_a_change_that_changes_nothing_changes_no_later_command(case: str) -> No
 
 
 @pytest.mark.parametrize('case', CASES)
-def test_narrowed_limits_are_entered_at_once(case: str) -> None:
+def test_p02_p05_narrowed_limits_are_entered_at_once(case: str) -> None:
     base = ControllerSettings(**CASES[case])
     for low, high in ((-1.0, 1.0), (3.0, 4.0), (-9.0, -8.0)):
         loop = Loop(base, 40)

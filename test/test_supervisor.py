@@ -113,6 +113,20 @@ def test_p04_after_bad_samples_the_loop_is_back_within_the_good_ones() -> None:
         assert bench.controller.total_disturbance == pytest.approx(5.0, abs=0.1)
 
 
+def test_p04_the_step_after_bad_samples_spans_them_too() -> None:
+    """As if they had never come: three periods are one step of three periods."""
+    spoiled, silent = Bench(command_rate_limit=0.0), Bench(command_rate_limit=0.0)
+    for bench in (spoiled, silent):
+        bench.run(100)
+        bench.chain.x[1] += 1.0
+    spoiled.run(2, bad=NAN)
+    silent.silent(2)
+    silent.since = H + H + H
+    assert spoiled.run(1) == silent.run(1)
+    assert state_bits(spoiled.controller.state) == state_bits(silent.controller.state)
+    assert spoiled.run(1)[0] != spoiled.commands[100]
+
+
 @pytest.mark.parametrize('bad', (NAN, float('inf'), 1e308))
 @pytest.mark.parametrize('feed', ('measurement', 'reference', 'dt', 'elapsed', 'applied'))
 def test_p04_no_input_poisons(feed: str, bad: float) -> None:
@@ -204,6 +218,17 @@ def test_p07_a_lost_reference_is_held_by_the_law_then_ramped() -> None:
     assert bench.mode() == Mode.OK
 
 
+def test_p07_in_the_hold_of_a_lost_reference_the_loop_stays_closed() -> None:
+    bench = Bench(reference_timeout=0.1, hold_time=10.0)
+    bench.run(300)
+    bench.run(20, r=None)
+    assert (bench.mode(), bench.cause()) == (Mode.HOLDING, Cause.REFERENCE_TIMEOUT)
+    bench.chain.x[0] += 0.5
+    bench.run(500, r=None)
+    assert bench.mode() == Mode.HOLDING
+    assert bench.chain.y == pytest.approx(1.0, abs=1e-3)
+
+
 def test_timeouts_of_zero_are_off() -> None:
     bench = Bench(measurement_timeout=0.0)
     bench.run(100)
@@ -215,6 +240,12 @@ def test_p08_only_safe_before_the_first_valid_measurement() -> None:
     bench = Bench()
     assert set(bench.run(20, bad=NAN) + bench.run(3, bad=1e308) + bench.silent(20)) == {-2.0}
     assert bench.cause() == Cause.START and bench.mode() == Mode.SAFE
+
+
+def test_p08_p11_the_first_command_of_all_is_the_safe_one() -> None:
+    bench = Bench()
+    assert bench.run(1, r=50.0) == [-2.0] and bench.mode() == Mode.OK
+    assert bench.run(1, r=50.0) != [-2.0]
 
 
 def test_p08_before_the_first_reference_the_first_measurement_is_held() -> None:

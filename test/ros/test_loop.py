@@ -262,6 +262,27 @@ def test_time_begins_with_the_first_command(make_probe: Make) -> None:
     assert abs(plant.process.k - reference.k) <= 3
 
 
+def test_p15_a_command_that_is_no_number_neither_acts_nor_counts_as_one(
+    make_probe: Make,
+) -> None:
+    probe = make_probe(parameters={'plant': DISTURBED | {'command_timeout': 0.2}})
+    plant = probe.add(PlantNode())
+    command = probe.publisher('command')
+    probe.wait_until(lambda: probe.readers('command'))
+    command(-5.0)
+    probe.wait_until(lambda: plant.process.k > 0)
+
+    def timed_out() -> bool:
+        command(nan)
+        command(-inf)
+        return bool(plant._timed_out)
+
+    probe.wait_until(timed_out)
+    assert isfinite(plant.process.output)
+    probe.wait_until(lambda: probe.said('plant') and probe.said('plant')[-1][0] == WARN)
+    assert int(probe.said('plant')[-1][2]['commands_not_finite']) > 0
+
+
 def test_p15_killed_the_controller_leaves_the_plant_at_its_safe_command(
     make_probe: Make, start: Processes
 ) -> None:

@@ -118,6 +118,7 @@ def test_p13_a_bad_value_is_refused_by_name_and_what_runs_stays_what_is_shown(
         ('plant', 'disturbance', 'sinus'),
         ('plant', 'disturbance_frequency', inf),
         ('plant', 'command_timeout', -1.0),
+        ('plant', 'command_timeout', 0.02),
         ('reference', 'signal', 'sinus'),
         ('reference', 'amplitude', nan),
         ('reference', 'frequency', 1),

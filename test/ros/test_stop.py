@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import signal
 import time
 from typing import Any
 
+from nadrc_ros.nodes.controller import ControllerNode
 from probe import INTERRUPTS, NodeProcess, parameter_file, Probe, Processes
 import pytest
 
@@ -62,7 +64,7 @@ def test_p14_a_signal_ends_with_the_safe_command(
     assert seconds < SLACK
     probe.wait_until(lambda: commands[-1] == 1.5)
     # down the ramp, not in one step
-    assert len([command for command in commands[n:] if -5.5 < command < 1.5]) >= 3
+    assert len([command for command in commands[n:] if -4.5 < command < 1.5]) >= 3
     assert 'Traceback' not in controller.said
 
 
@@ -82,6 +84,17 @@ def test_p14_a_ramp_too_long_is_cut_short_and_further_signals_change_nothing(
     probe.wait_until(lambda: commands[-1] == 1.5)
     assert commands[-2] < -3.0
     assert 'Traceback' not in controller.said
+
+
+def test_p14_a_controller_that_stops_is_not_enabled_again(
+    make_probe: Callable[..., Probe],
+) -> None:
+    probe = make_probe(parameters={'controller': CONTROL})
+    node = probe.add(ControllerNode())
+    node.begin_stop()
+    answer = probe.enable()
+    assert not answer.success and 'being stopped' in answer.message
+    assert not node.controller.enabled
 
 
 def test_p14_an_exception_in_a_callback_ends_with_the_safe_command(
