@@ -242,6 +242,15 @@ def test_p08_only_safe_before_the_first_valid_measurement() -> None:
     assert bench.cause() == Cause.START and bench.mode() == Mode.SAFE
 
 
+def test_p08_also_disabled_the_first_measurement_is_held() -> None:
+    bench = Bench(enabled=False)
+    bench.chain.x[0] = 7.0
+    bench.run(20, r=None)
+    assert bench.chain.y > 7.05
+    assert bench.controller.reference == [7.0, 0.0, 0.0]
+    assert bench.controller.tracking == 7.0
+
+
 def test_p08_p11_the_first_command_of_all_is_the_safe_one() -> None:
     bench = Bench()
     assert bench.run(1, r=50.0) == [-2.0] and bench.mode() == Mode.OK
