@@ -99,7 +99,7 @@ class Case:
             start=FAULT,
             duration=self.duration,
         )
-        return Injector(Faults(measurement=(fault,)), PERIOD, seed)
+        return Injector(Faults(measurement=(fault,)), 1.0 / PERIOD, seed)
 
 
 NO_FAULT = Case(duration=10.0)

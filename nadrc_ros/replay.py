@@ -43,7 +43,7 @@ class TraceWriter:
         measurement: float,
         dt: float,
         elapsed: float,
-        reference: Sequence[float] | None,
+        reference: Sequence[float | None] | None,
         applied: float,
     ) -> None:
         """Record one tick that was just done."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -21,13 +22,14 @@ from nadrc_ros.simulation.faults import (
     MeasurementFault,
     ONE_EACH,
 )
+from nadrc_ros.simulation.loop import Loop, WIDTH
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import make_plant
 from nadrc_ros.simulation.signals import make_signal
 import numpy as np
 import pytest
 
-PERIOD = 0.01
+RATE = 100.0
 # From period 3 up to, and without, period 7.
 WINDOW: dict[str, Any] = {'start': 0.03, 'duration': 0.04}
 
@@ -36,12 +38,12 @@ Values = list[tuple[float, ...]]
 
 def delivered(*faults: MeasurementFault, count: int = 10, seed: int = 0) -> Values:
     """Return what arrives in each period of a measurement that counts the periods."""
-    injector = Injector(Faults(measurement=faults), PERIOD, seed)
+    injector = Injector(Faults(measurement=faults), RATE, seed)
     return [tuple(s.value for s in injector.deliver(k, float(k))) for k in range(count)]
 
 
 def acted(fault: CommandFault, count: int = 10) -> list[float]:
-    injector = Injector(Faults(command=(fault,)), PERIOD, 0)
+    injector = Injector(Faults(command=(fault,)), RATE, 0)
     return [injector.act(k, float(k)) for k in range(count)]
 
 
@@ -83,7 +85,7 @@ def test_random_values_are_of_the_size_that_was_asked_for() -> None:
 
 def test_a_lag_is_the_exact_one_of_a_held_input() -> None:
     found = delivered(MeasurementFault(kind='slow', time=0.03))
-    y, share = 0.0, 1.0 - np.exp(-PERIOD / 0.03)
+    y, share = 0.0, 1.0 - np.exp(-1.0 / (RATE * 0.03))
     for k, (value,) in enumerate(found):
         y += share * (k - y)
         assert value == pytest.approx(y, rel=1e-12)
@@ -100,7 +102,7 @@ def test_the_share_of_hit_samples_is_the_probability_and_the_seed_says_which(kin
 
 def test_what_is_overtaken_comes_two_periods_late_after_newer_ones() -> None:
     injector = Injector(
-        Faults(measurement=(MeasurementFault(kind='reordered', probability=0.3),)), PERIOD, 4
+        Faults(measurement=(MeasurementFault(kind='reordered', probability=0.3),)), RATE, 4
     )
     arrived = [sample.stamp for k in range(200) for sample in injector.deliver(k, 0.0)]
     late = [b for a, b in pairwise(arrived) if b < a]
@@ -110,7 +112,7 @@ def test_what_is_overtaken_comes_two_periods_late_after_newer_ones() -> None:
 
 def test_a_clock_jump_is_one_of_the_stamps() -> None:
     jump = MeasurementFault(kind='clock_jump', time=0.5, **WINDOW)
-    injector = Injector(Faults(measurement=(jump,)), PERIOD, 0)
+    injector = Injector(Faults(measurement=(jump,)), RATE, 0)
     stamps = [injector.deliver(k, 0.0)[0].stamp for k in range(9)]
     assert stamps == [0, 1, 2, 53, 54, 55, 56, 7, 8]
 
@@ -159,7 +161,7 @@ def test_a_window_of_any_length_is_a_whole_number_of_periods() -> None:
 def test_a_fault_of_the_value_never_raises_and_keeps_one_sample_each(
     kind: str, value: float, size: float
 ) -> None:
-    injector = Injector(Faults(measurement=(MeasurementFault(kind=kind, size=size),)), PERIOD, 0)
+    injector = Injector(Faults(measurement=(MeasurementFault(kind=kind, size=size),)), RATE, 0)
     for k in range(3):
         (sample,) = injector.deliver(k, value)
         assert sample.stamp == k
@@ -257,6 +259,32 @@ def test_p06_the_loop_is_back_in_its_band_after_any_fault_of_the_actuator(
 ) -> None:
     fault = CommandFault(kind=kind, size=size, start=BEGIN, duration=END - BEGIN)
     assert_outlived(in_the_loop(command=(fault,)), BACK_FROM_ACTUATOR[kind, size])
+
+
+@pytest.mark.parametrize('late', (0.02, 0.2, 1.0))
+def test_p09_late_samples_do_not_make_time_go_faster(late: float) -> None:
+    faults = Faults(
+        measurement=(MeasurementFault(kind='delayed', time=late, probability=0.2, start=1.0),)
+    )
+    experiment = Experiment(
+        plant=make_plant('paper', {}),
+        reference=make_signal('cosine', {}),
+        disturbance=make_signal('none', {}),
+        noise=Noise(seed=2),
+        initial_state=(1.0, 0.0),
+        faults=faults,
+        duration=6.0,
+    )
+    loop = Loop(experiment, ControllerSettings())
+    spans = []
+
+    def tick(measurement: float, dt: float, **more: Any) -> float:
+        spans.append(max(dt, 0.0))
+        return Controller.tick(loop.controller, measurement, dt, **more)
+
+    loop.controller.tick = tick  # type: ignore[method-assign, assignment]
+    loop.run(np.empty((0, WIDTH)))
+    assert sum(spans) == pytest.approx(6.0, abs=0.1)
 
 
 def test_the_truth_knows_what_the_actuator_does() -> None:

@@ -44,6 +44,7 @@ FAULTS = [(mode, cause) for mode, cause in product(Mode, Cause) if (mode == OK) 
 def after(mode: Mode, cause: Cause, present: Cause, **more: float) -> Watch:
     """Return the state one tick after ``present`` was there."""
     enabled, measured, measurement_age, reference_age = PRESENT[present]
+    more.setdefault('lost', cause in (REFERENCE, MEASUREMENT))
     before = Watch(mode, cause, measurement_age, reference_age, **more)  # type: ignore[arg-type]
     referenced = present != REFERENCE
     return supervise(DESIGN, before, enabled, measured, referenced, False, H, H)
@@ -68,9 +69,22 @@ def test_p19_a_fault_ends_after_its_good_samples(mode: Mode, cause: Cause) -> No
         assert (watch.mode == OK) == (good + 1 == needed)
 
 
+@pytest.mark.parametrize('lost', (False, True))
+def test_p19_what_was_lost_is_not_forgotten_while_disabled(lost: bool) -> None:
+    watch = after(HOLDING if lost else OK, MEASUREMENT if lost else NONE, DISABLED)
+    assert (watch.cause, watch.lost) == (DISABLED, lost)
+    back = supervise(DESIGN, watch, True, True, True, False, H, H)
+    assert (back.mode == OK) == (not lost)
+
+
+def test_a_restart_of_the_observers_alone_never_ramps() -> None:
+    before = Watch(HOLDING, NONE, 0.0, 0.0, fault_age=1.0)
+    assert supervise(DESIGN, before, True, False, True, False, 0.0, H).mode == HOLDING
+
+
 def test_p19_a_bad_sample_in_between_starts_the_count_again() -> None:
     enabled, _, measurement_age, reference_age = PRESENT[NONE]
-    before = Watch(RAMPING, MEASUREMENT, measurement_age, reference_age, good=2)
+    before = Watch(RAMPING, MEASUREMENT, measurement_age, reference_age, good=2, lost=True)
     bad = supervise(DESIGN, before, enabled, False, True, False, H, H)
     assert bad.good == 0
     none_came = supervise(DESIGN, before, enabled, False, True, False, 0.0, H)

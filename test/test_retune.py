@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import copysign, isfinite
 import random
 from typing import Any
 
@@ -21,7 +21,7 @@ CASES = varied_settings()
 FIELDS = {name: f for name, f in declared(ControllerSettings).items() if f.live}
 # Changes that let the command stay where it is: limits only become wider.
 VALUES: dict[str, tuple[Any, ...]] = {
-    'b0': (0.5, 2.0, -1.0, 40.0),
+    'b0': (0.5, 2.0, 40.0),
     'structure': NAMES,
     'inner_bandwidth': (5.0, 39.0, 200.0),
     'outer_bandwidth': (5.0, 31.0, 200.0),
@@ -78,6 +78,8 @@ def changes(case: str) -> list[tuple[str, ControllerSettings, ControllerSettings
     found = []
     for name, values in VALUES.items():
         for value in values:
+            if name == 'b0':
+                value = copysign(value, base.b0)
             try:
                 found.append((f'{name}={value}', base, attrs.evolve(base, **{name: value})))
             except SettingError as error:
@@ -201,7 +203,11 @@ def test_one_at_a_time_changes_never_leave_the_finite() -> None:
                 except SettingError:
                     refused += 1
                     continue
-                controller.retune(wanted)
+                try:
+                    controller.retune(wanted)
+                except SettingError:  # another sign of b0
+                    refused += 1
+                    continue
                 for _ in range(4):
                     u = loop.tick()[1]
                     assert isfinite(u)
@@ -286,3 +292,15 @@ def test_p12_a_change_in_a_fault_waits_for_no_sample() -> None:
     assert controller.settings.structure == 'cascade'
     controller.tick(0.1, H)
     assert abs(controller.command - before) < 20.0
+
+
+def test_p13_another_sign_of_b0_is_refused_until_the_loop_is_open() -> None:
+    controller = Controller(ControllerSettings())
+    controller.tick(0.1, H, reference=[0.0])
+    turned = attrs.evolve(controller.settings, b0=-1.0)
+    with pytest.raises(SettingError, match=r'b0 = -1\.0: must be of the sign it has'):
+        controller.retune(turned)
+    controller.enabled = False
+    controller.retune(turned)
+    controller.tick(0.1, H)
+    assert controller.settings.b0 == -1.0

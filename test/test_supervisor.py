@@ -205,6 +205,20 @@ def test_p19_switching_off_and_on_does_not_shorten_the_way_out_of_a_fault() -> N
     assert bench.mode() == Mode.OK
 
 
+def test_p19_switching_off_and_on_beside_a_working_sensor_does_not_shorten_it_either() -> None:
+    bench = Bench()
+    bench.run(100)
+    bench.silent(30)
+    bench.run(1)
+    bench.controller.enabled = False
+    bench.run(1)
+    bench.controller.enabled = True
+    bench.run(3)
+    assert bench.mode() != Mode.OK
+    bench.run(1)
+    assert bench.mode() == Mode.OK
+
+
 def test_p07_a_lost_reference_is_held_by_the_law_then_ramped() -> None:
     bench = Bench(reference_timeout=0.1, hold_time=0.5)
     bench.run(300)
@@ -216,6 +230,17 @@ def test_p07_a_lost_reference_is_held_by_the_law_then_ramped() -> None:
     assert bench.mode() == Mode.SAFE and bench.commands[-1] == -2.0
     bench.run(10)
     assert bench.mode() == Mode.OK
+
+
+def test_p07_from_safe_a_returning_reference_is_approached_from_where_the_plant_is() -> None:
+    bench = Bench(reference_timeout=0.1, hold_time=0.1, tracking_acceleration=2.0)
+    bench.run(200, r=0.0)
+    bench.run(100, r=None)
+    assert bench.mode() == Mode.SAFE
+    bench.chain.x[0] = 3.0
+    bench.run(20, r=0.0)
+    assert bench.mode() == Mode.OK
+    assert 2.0 < bench.controller.tracking < 4.0
 
 
 def test_p07_in_the_hold_of_a_lost_reference_the_loop_stays_closed() -> None:

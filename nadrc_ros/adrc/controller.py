@@ -89,7 +89,8 @@ def tick(
         if before.mode != MODE_OK:
             if watch.reference_age == inf:
                 _hold(reference, measurement)
-            if watch.reference_age == inf or (profiled and before.cause != REFERENCE_TIMEOUT):
+            followed = before.mode == HOLDING and before.cause == REFERENCE_TIMEOUT
+            if watch.reference_age == inf or (profiled and not followed):
                 approach(design, measurement, out)
             meet(design, out, applied)
             command = clamp(design, applied)
@@ -137,6 +138,7 @@ class Controller:
         self.command = settings.safe_command
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
+        self._ages = [0.0] * len(self.reference)
         self._next = blank_state(self.design)
         self._pending: tuple[ControllerSettings, Design] | None = None
         self._restart = False
@@ -147,7 +149,7 @@ class Controller:
         dt: float = 0.0,
         *,
         elapsed: float | None = None,
-        reference: Sequence[float] | None = None,
+        reference: Sequence[float | None] | None = None,
         applied: float | None = None,
     ) -> float:
         """
@@ -163,16 +165,20 @@ class Controller:
             Time since the last tick [s], by default ``dt``. Without a sample it must be given: the
             timeouts count it.
         reference
-            r and the derivatives that are known, or None when no new one came.
+            r and its derivatives, or None when no new one came. A derivative that is left out is
+            0. One that is None or no number is the last one for at most ``max_dt``, and then 0
+            without a bump.
         applied
             The command that really acted since the last tick; unknown, the one returned then.
 
         """
+        if elapsed is None:
+            elapsed = dt
+        if elapsed > 0.0:
+            self._ages = [age + elapsed for age in self._ages]
         referenced = reference is not None and self._take(reference)
         if applied is None or not SMALLEST < applied < LARGEST:
             applied = self.command
-        if elapsed is None:
-            elapsed = dt
         low, high = self.design.measurement_min, self.design.measurement_max
         if self._restart and low <= measurement <= high:
             start(self.design, measurement, applied, self.reference[0], self.state)
@@ -199,6 +205,7 @@ class Controller:
         if self._pending is not None:
             command = self._swap(*self._pending, command, applied, span)
         self.command = command
+        self._drop_old_derivatives()
         return command
 
     def retune(self, settings: ControllerSettings) -> None:
@@ -208,14 +215,29 @@ class Controller:
         Raises
         ------
         SettingError
-            When a setting that is fixed at start differs, the plant order for one.
+            As :meth:`check_retune`.
+
+        """
+        self.check_retune(settings)
+        self._pending = settings, make_design(settings)
+
+    def check_retune(self, settings: ControllerSettings) -> None:
+        """
+        Refuse what a running controller cannot become.
+
+        Raises
+        ------
+        SettingError
+            When a setting that is fixed at start differs, the plant order for one, and for another
+            sign of b0 while the controller is enabled.
 
         """
         for name, field in declared(ControllerSettings).items():
             now, wanted = getattr(self.settings, name), getattr(settings, name)
             if not field.live and wanted != now:
                 raise SettingError(name, wanted, f'{now}: it is fixed at start')
-        self._pending = settings, make_design(settings)
+        if self.enabled and settings.b0 * self.settings.b0 < 0.0:
+            raise SettingError('b0', settings.b0, 'of the sign it has, until it is disabled')
 
     def reset(self) -> None:
         """Forget the estimates; the next valid measurement restarts them without a bump."""
@@ -256,19 +278,31 @@ class Controller:
         """Return the estimate of L = y^(n) - b0 u: the sum of the levels."""
         return disturbance_estimate(self.design, self.state)
 
-    def _take(self, reference: Sequence[float]) -> bool:
+    def _take(self, reference: Sequence[float | None]) -> bool:
         """Keep a received reference with its known derivatives; refuse nonsense, count it."""
-        usable = [SMALLEST < value < LARGEST for value in reference]
-        if not all(usable):
+        usable = [value is not None and SMALLEST < value < LARGEST for value in reference]
+        if any(value is not None and not good for value, good in zip(reference, usable)):
             self.counts[Status.BAD_REFERENCE] += 1
         if not usable or not usable[0]:
             return False
-        self.reference[0] = reference[0]
         known = 1 + self.settings.received_derivatives
-        for i in range(1, len(self.reference)):
-            there = i < known and i < len(reference) and usable[i]
-            self.reference[i] = reference[i] if there else 0.0
+        for i in range(len(self.reference)):
+            value = reference[i] if i < min(known, len(reference)) else 0.0
+            if value is not None and SMALLEST < value < LARGEST:
+                self.reference[i] = value
+                self._ages[i] = 0.0
         return True
+
+    def _drop_old_derivatives(self) -> None:
+        """Count derivatives that ceased to come as 0; the command does not show it."""
+        old = [i for i in range(1, len(self._ages)) if self._ages[i] > self.design.max_dt]
+        if not any(self.reference[i] != 0.0 for i in old):
+            return
+        for i in old:
+            self.reference[i] = 0.0
+        if self.design.tracking_acceleration <= 0.0 and not self.design.error_based:
+            self.state.profile[:] = self.reference
+            meet(self.design, self.state, self.command)
 
     def _swap(
         self,

@@ -54,7 +54,8 @@ class Watch(NamedTuple):
     State of the policy: mode, cause, ages of the last valid inputs [s], inf where there was none.
 
     ``fault_age`` [s] counts since the fault began, ``good`` valid samples in a row since its cause
-    went away, ``gap`` [s] the time of samples that could not be used.
+    went away, ``gap`` [s] the time of samples that could not be used. ``lost`` says that something
+    was lost in control, also if another cause acts by now.
     """
 
     mode: int = SAFE
@@ -64,6 +65,7 @@ class Watch(NamedTuple):
     fault_age: float = 0.0
     good: int = 0
     gap: float = 0.0
+    lost: bool = False
 
 
 def supervise(
@@ -98,7 +100,8 @@ def supervise(
     mode = max(watch.mode, _ENTRY[cause])
     fault_age = watch.fault_age + elapsed if watch.mode != MODE_OK else 0.0
     good = 0
-    if mode == HOLDING and fault_age > design.hold_time:
+    faulty = cause != NONE or watch.cause != NONE  # else the observers restart, and that is all
+    if mode == HOLDING and faulty and fault_age > design.hold_time:
         mode = RAMPING
     if mode == RAMPING and watch.mode == RAMPING and at_safe:
         mode = SAFE
@@ -107,8 +110,7 @@ def supervise(
             good = watch.good + 1
         elif dt <= 0.0:  # no sample came, which is not a bad one
             good = watch.good
-        timed_out = watch.cause == MEASUREMENT_TIMEOUT or watch.cause == REFERENCE_TIMEOUT
-        if good >= (design.good_samples if timed_out else 1):
+        if good >= (design.good_samples if watch.lost else 1):
             mode = MODE_OK
     if mode == MODE_OK:
         cause = NONE
@@ -122,4 +124,5 @@ def supervise(
         fault_age,
         good,
         0.0 if measured else watch.gap + max(dt, 0.0),
+        mode != MODE_OK and (watch.lost or cause in (MEASUREMENT_TIMEOUT, REFERENCE_TIMEOUT)),
     )

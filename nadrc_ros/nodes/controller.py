@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import nan
+from math import inf, nan
 from pathlib import Path
 import time
 from typing import Any
@@ -13,7 +13,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
-from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, Latencies, OK, WARN
+from nadrc_ros.nodes.diagnostics import Budget, Diagnostics, ERROR, Latencies, OK, WARN
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import PacingSettings, Ticker
@@ -25,7 +25,11 @@ from nadrc_ros.replay import TraceWriter
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import SetBool, Trigger
 
+Reference = list[float | None]
+# How often readers of the estimates are looked for [s].
 LOOK = 0.1
+# As many changes of mode are logged in so many seconds: a sensor that flaps must not fill a disk.
+NEWS = 30, 60.0
 LEVELS = {
     Cause.NONE: OK,
     Cause.START: WARN,
@@ -50,7 +54,7 @@ class LoopSettings:
         1,
         1,
         10000,
-        'estimates are published with every so-manieth command; ignored in lockstep',
+        'estimates are published with every N-th command; lockstep publishes all',
         live=False,
     )
     trace: str = text(
@@ -83,17 +87,15 @@ class ControllerNode(LiveNode):
         self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
 
         derivatives = reference_topics(settings)[1:]
-        self._reference = [nan] + [0.0] * len(derivatives)
-        self._reference_heard = [0] * len(self._reference)
-        self._referenced = False
+        self._reference: list[float | None] = [None] * (1 + len(derivatives))
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = 0
         self._idle = 0
         self._shown = (self.controller.mode, self.controller.cause)
         self._stopping = False
         self._silent = False
-        self._sent: float | None = None
         self.latencies = Latencies()
+        self._news = Budget(*NEWS)
         self.lockstep: Lockstep | None = None
         inputs = ['measurement', 'reference', *derivatives]
         if self.pacing.lockstep:
@@ -103,7 +105,7 @@ class ControllerNode(LiveNode):
             self._command = self.lockstep.add_output('command')
         else:
             self._command = Sender(self, 'command')
-            receive(self, 'measurement', self._on_measurement)
+            self._measured = receive(self, 'measurement', self._on_measurement)
             for i, topic in enumerate(inputs[1:]):
                 receive(self, topic, self._reference_taker(i))
             self._by_timer = loop.trigger == 'timer'
@@ -126,6 +128,8 @@ class ControllerNode(LiveNode):
         """Make settings that also fit the rate."""
         settings = build(ControllerSettings, values)
         settings.check_rate(self.pacing.rate)
+        if running := getattr(self, 'controller', None):
+            running.check_retune(settings)
         return settings
 
     def _retune(self, settings: ControllerSettings) -> None:
@@ -159,6 +163,7 @@ class ControllerNode(LiveNode):
     def _on_measurement(self, value: float, info: Info) -> None:
         if self._sample is not None:
             self._overwritten += 1
+            self._times.saw(self._sample[1])
         self._heard = self.ticker.now()
         self._sample = value, info, self._heard
         if not self._by_timer:
@@ -168,8 +173,6 @@ class ControllerNode(LiveNode):
     def _reference_taker(self, index: int) -> Any:
         def take(value: float, _: Info) -> None:
             self._reference[index] = value
-            self._reference_heard[index] = self.ticker.now()
-            self._referenced = self._referenced or index == 0
 
         return take
 
@@ -191,34 +194,28 @@ class ControllerNode(LiveNode):
         self._tick(measurement, dt, elapsed, self._take_reference())
         self.latencies.add(time.time() - info['source_timestamp'] * 1e-9)
 
-    def _take_reference(self) -> list[float] | None:
-        """Return a reference that came since the last step, without derivatives that are stale."""
-        if not self._referenced:
+    def _take_reference(self) -> Reference | None:
+        """Return a reference that came since the last step, None for derivatives that did not."""
+        if self._reference[0] is None:
             return None
-        self._referenced = False
-        stale = self._reference_heard[0] - int(1e9 * self.controller.settings.max_dt)
-        return [
-            value if heard >= stale else 0.0
-            for value, heard in zip(self._reference, self._reference_heard)
-        ]
+        taken, self._reference = self._reference, [None] * len(self._reference)
+        return taken
 
     def _fire(self, values: list[float]) -> None:
         """Do one lockstep tick."""
-        self._tick(values[0], self.pacing.period, self.pacing.period, values[1:])
+        self._tick(values[0], self.pacing.period, self.pacing.period, [*values[1:]])
 
     # ---- the step ----
 
     def _tick(
-        self, measurement: float, dt: float, elapsed: float, reference: list[float] | None
+        self, measurement: float, dt: float, elapsed: float, reference: Reference | None
     ) -> None:
         controller = self.controller
         quiet = controller.quiet
         applied, settings = controller.command, controller.settings
         command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
-        resting = quiet and controller.quiet and self._sent in (None, command)
-        if not resting or self.lockstep is not None:
+        if not (quiet and controller.quiet) or self.lockstep is not None:
             self._command.send(command)
-            self._sent = command
         self._steps += 1
         if self._steps % self._divisor == 0:
             self._estimates.send(controller)
@@ -235,9 +232,14 @@ class ControllerNode(LiveNode):
     # ---- what it says of itself ----
 
     def _announce(self) -> None:
-        """Log a change of mode once, and tell /diagnostics at once."""
+        """Log a change of mode once and tell /diagnostics at once, unless it flaps for long."""
         mode, cause = self._shown = self.controller.mode, self.controller.cause
+        if not self._news.allows(time.monotonic()):
+            return
         message = _describe(mode, cause)
+        if self._news.refused:
+            message += f' (after {self._news.refused} changes that were not logged)'
+            self._news.refused = 0
         if mode == Mode.OK:
             self.get_logger().info(message)
         else:
@@ -274,16 +276,16 @@ class ControllerNode(LiveNode):
                 'stamps_from_future': self._times.from_future,
                 'clock_jumps': self._times.clock_jumps,
                 'measurements_out_of_order': self._times.out_of_order,
-                'measurement_publishers': self.count_publishers('measurement'),
+                'measurement_publishers': self.count_publishers(self._measured),
                 **self.latencies.summary(),
             }
         values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
         if self.trace is not None:
             self.trace.flush()
-            if self.trace.failure:
-                self.get_logger().error(f'the trace ends: {self.trace.failure}')
-                self.trace = None
+            self._tell_if_trace_failed()
         level, message = LEVELS[controller.cause], _describe(controller.mode, controller.cause)
+        if controller.settings.reference_timeout > 0.0 and controller.watch.reference_age == inf:
+            level, message = max(level, WARN), f'{message}; no reference yet'
         if values.get('measurement_publishers', 1) not in (0, 1):
             level, message = max(level, WARN), f'{message}; several publishers of measurement'
         return level, message, values
@@ -293,7 +295,7 @@ class ControllerNode(LiveNode):
     def begin_stop(self) -> None:
         """Ramp to the safe command; a silent one stays so, as another may be in control."""
         self._stopping = True
-        self._silent = self.controller.quiet and self._sent in (None, self.controller.command)
+        self._silent = self.controller.quiet
         self.controller.enabled = False
 
     @property
@@ -310,6 +312,12 @@ class ControllerNode(LiveNode):
             self._command.send_last(self.controller.settings.safe_command)
         if self.trace is not None:
             self.trace.close()
+            self._tell_if_trace_failed()
+
+    def _tell_if_trace_failed(self) -> None:
+        if self.trace is not None and self.trace.failure:
+            self.get_logger().error(f'the trace ends: {self.trace.failure}')
+            self.trace = None
 
     def _tell_if_cut_short(self) -> None:
         safe, last = self.controller.settings.safe_command, self.controller.command

@@ -95,7 +95,12 @@ class Ticker:
 
     def put_off(self) -> None:
         """Take what was just done for the tick of this period: the next is one period away."""
-        self._count()
+        now, period = self.now(), self._period * 1e9
+        if self.periods:
+            self.missed += max(0, round((now - self._last) / period) - 1)
+        self.periods += 1
+        self._last = now
+        self._begin = now - int((self.periods + self.missed - 1) * period)
         self._timer.reset()
 
     def _fire(self) -> None:

@@ -191,7 +191,8 @@ class RecorderNode(LiveNode):
 
     def _fire(self, values: list[float]) -> None:
         """Record one lockstep period."""
-        self._row(self._rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
+        if self.recording:
+            self._row(self._rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
 
     def _row(self, t: float, values: dict[str, float]) -> None:
         self._run.add(self.metrics, t, values)
@@ -222,6 +223,9 @@ class RecorderNode(LiveNode):
             self._open_run()
         except OSError as error:
             response.success, response.message = False, f'cannot write: {error.strerror}'
+            return response
+        if self.failure:
+            response.success, response.message = False, self.failure
             return response
         response.success = True
         response.message = f'a new run is recorded to {self.folder.path}'

@@ -18,12 +18,7 @@ from nadrc_ros.nodes.parameters import (
 )
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import (
-    InvalidParameterException,
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-    ParameterException,
-)
+from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -33,14 +28,8 @@ from rclpy.task import Future
 POLL = 0.05
 LONG = 60.0
 STOP_TIME = 0.5
-BAD_START = (
-    UserError,
-    InvalidParameterException,
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-    ParameterException,
-    OSError,
-)
+# RuntimeError is what rclpy makes of a malformed --params-file or --ros-args.
+BAD_START = (UserError, ParameterException, OSError, RuntimeError)
 
 
 class LiveNode(Node):
@@ -145,9 +134,9 @@ def run(make_node: Callable[[], LiveNode]) -> int:
         node = make_node()
         nodes.append(node)
     except BAD_START as error:
-        return _bad_start(error)
-    except RuntimeError as error:  # what rclpy makes of a malformed --params-file or --ros-args
-        return _bad_start(error)
+        print(f'cannot start: {error}', file=sys.stderr)
+        rclpy.try_shutdown()
+        return 1
     executor = make_executor()
     executor.add_node(node)
     gc.collect()
@@ -162,6 +151,7 @@ def run(make_node: Callable[[], LiveNode]) -> int:
     except Exception:
         node.get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
         code = 1
+        node.begin_stop()
     try:
         node.close()
     finally:
@@ -169,9 +159,3 @@ def run(make_node: Callable[[], LiveNode]) -> int:
         node.destroy_node()
         rclpy.try_shutdown()
     return 1 if node.failure else code
-
-
-def _bad_start(error: BaseException) -> int:
-    print(f'cannot start: {error}', file=sys.stderr)
-    rclpy.try_shutdown()
-    return 1

@@ -43,6 +43,10 @@ class SampleTimes:
         self._seen: int | None = None
         self._last: tuple[int, int, int | None] | None = None
 
+    def saw(self, info: Info) -> None:
+        """Note a sample that came and is not used, as a newer one was there."""
+        self._seen = info['publication_sequence_number']
+
     def span(self, info: Info, now: int) -> float:
         """
         Return the time since the sample before [s]; the nominal period for the first.
@@ -87,8 +91,8 @@ class Losses:
     Finds lost samples of a topic, by their publication numbers.
 
     Every publisher numbers its own, and no sample says whose it is: it is taken to follow the
-    highest number that came and is lower. So neither a publisher that was restarted nor a second
-    one looks like a loss.
+    highest number that came and is lower. So a publisher that was restarted does not look like a
+    loss, and a second one at most once, where its numbers are ahead.
     """
 
     def __init__(self) -> None:

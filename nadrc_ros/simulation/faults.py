@@ -8,12 +8,14 @@ as what the actuator does. While it does not act, a fault remembers nothing.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
-from math import ceil, copysign, expm1, inf, isfinite, nan
+from math import copysign, expm1, inf, isfinite, nan
 from typing import Generic, NamedTuple, TypeVar
 
 import attrs
 from nadrc_ros.adrc.fields import choice, number
+from nadrc_ros.simulation.periods import first_period
 import numpy as np
 
 NEVER = 2**62
@@ -23,25 +25,30 @@ F = TypeVar('F', bound='Fault')
 
 
 class Sample(NamedTuple):
-    """A measurement on its way, and the period it was taken in, by the clock that stamps it."""
+    """
+    A measurement on its way.
+
+    ``number`` is the period it was taken in, ``stamp`` that by the clock of the sender.
+    """
 
     value: float
     stamp: float
+    number: int
 
 
 class Acting(Generic[F]):
     """A fault in one run: its settings, its random numbers, and what it remembers."""
 
-    def __init__(self, fault: F, period: float, seed: tuple[int, int]) -> None:
+    def __init__(self, fault: F, rate: float, origin: int, seed: tuple[int, int]) -> None:
         self.fault = fault
-        self.period = period
-        self.begin = _first_period(fault.start / period)
+        self.rate = rate
+        self.begin = origin + first_period(fault.start, rate)
         self.end = NEVER
         if fault.duration > 0.0:
-            self.end = _first_period((fault.start + fault.duration) / period)
+            self.end = self.begin + first_period(fault.duration, rate)
         self.k = 0
         self.held: float | None = None
-        self.late: list[tuple[int, Sample]] = []
+        self.late: deque[tuple[int, Sample]] = deque()
         self._generator = np.random.Generator(np.random.PCG64(seed))
 
     def acts(self, k: int) -> bool:
@@ -65,8 +72,9 @@ class Acting(Generic[F]):
 
     def arrived(self) -> list[Sample]:
         """Return the samples that were kept back until now."""
-        arrived = [sample for due, sample in self.late if due <= self.k]
-        self.late = [entry for entry in self.late if entry[0] > self.k]
+        arrived = []
+        while self.late and self.late[0][0] <= self.k:
+            arrived.append(self.late.popleft()[1])
         return arrived
 
 
@@ -77,7 +85,7 @@ Act = Callable[[Acting['CommandFault'], float], float]
 
 
 def _spoilt(spoil: Spoil) -> Deliver:
-    return lambda acting, sample: [Sample(spoil(acting, sample.value), sample.stamp)]
+    return lambda acting, sample: [sample._replace(value=spoil(acting, sample.value))]
 
 
 def _kept_back(periods: Callable[[Acting[MeasurementFault]], int]) -> Deliver:
@@ -89,14 +97,14 @@ def _kept_back(periods: Callable[[Acting[MeasurementFault]], int]) -> Deliver:
 
 
 def _jumped(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    return [Sample(sample.value, sample.stamp + acting.fault.time / acting.period)]
+    return [sample._replace(stamp=sample.stamp + acting.fault.time * acting.rate)]
 
 
 def _slow(acting: Acting[MeasurementFault], value: float) -> float:
     if not isfinite(value):
         return value
     before = acting.hold(value)
-    acting.held = before - (value - before) * expm1(-acting.period / acting.fault.time)
+    acting.held = before - (value - before) * expm1(-1.0 / (acting.rate * acting.fault.time))
     return acting.held
 
 
@@ -106,7 +114,7 @@ def _quantised(acting: Acting[MeasurementFault], value: float) -> float:
 
 
 def _rate_limited(acting: Acting[CommandFault], command: float) -> float:
-    before, change = acting.hold(command), abs(acting.fault.size) * acting.period
+    before, change = acting.hold(command), abs(acting.fault.size) / acting.rate
     if abs(command - before) > change:
         command = before + copysign(change, command - before)
     acting.held = command
@@ -124,7 +132,7 @@ MEASUREMENT_KINDS: dict[str, Deliver] = {
     'infinite': _spoilt(lambda acting, y: copysign(inf, acting.fault.size)),
     'spike': _spoilt(lambda acting, y: y + copysign(acting.fault.size, acting.uniform() - 0.5)),
     'quantised': _spoilt(_quantised),
-    'delayed': _kept_back(lambda acting: _first_period(acting.fault.time / acting.period)),
+    'delayed': _kept_back(lambda acting: first_period(acting.fault.time, acting.rate)),
     'duplicated': lambda acting, sample: [sample, sample],
     'reordered': _kept_back(lambda acting: OVERTAKEN),
     'clock_jump': _jumped,
@@ -174,7 +182,7 @@ class MeasurementFault(Fault):
     """
 
     kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'what happens to measurements')
-    time: float = number(0.1, 1e-6, 1e6, 's', 'delay, lag, or jump of the clock')
+    time: float = number(0.1, 1e-6, 60.0, 's', 'delay, lag, or jump of the clock')
     probability: float = number(1.0, 0.0, 1.0, '', 'share of the samples that are hit')
 
 
@@ -199,23 +207,29 @@ class Faults:
 
 
 class Injector:
-    """The faults of one run with periods of ``period`` [s]; the same seed gives the same bits."""
+    """
+    The faults of one run of ``rate`` periods per second; the same seed gives the same bits.
 
-    def __init__(self, faults: Faults, period: float, seed: int) -> None:
+    Their times count from period ``origin``.
+    """
+
+    def __init__(self, faults: Faults, rate: float, seed: int, origin: int = 0) -> None:
         self._measurement = [
-            Acting(fault, period, (seed, i))
+            Acting(fault, rate, origin, (seed, i))
             for i, fault in enumerate(faults.measurement)
             if fault.kind != 'none'
         ]
         self._command = [
-            Acting(fault, period, (seed, 0)) for fault in faults.command if fault.kind != 'none'
+            Acting(fault, rate, origin, (seed, 0))
+            for fault in faults.command
+            if fault.kind != 'none'
         ]
         self._windows = [(each.begin, each.end) for each in self._measurement]
         self._windows += [(each.begin, each.end) for each in self._command]
 
     def deliver(self, k: int, value: float) -> list[Sample]:
         """Return the samples that arrive in period ``k``, in which ``value`` is measured."""
-        samples = [Sample(value, float(k))]
+        samples = [Sample(value, float(k), k)]
         for acting in self._measurement:
             if acting.acts(k):
                 samples = _pass_on(acting, samples)
@@ -243,8 +257,3 @@ def _pass_on(acting: Acting[MeasurementFault], samples: list[Sample]) -> list[Sa
         hit = fault.probability == 1.0 or acting.uniform() < fault.probability
         passed += MEASUREMENT_KINDS[fault.kind](acting, sample) if hit else [sample]
     return passed + acting.arrived()
-
-
-def _first_period(periods: float) -> int:
-    """Return the first period at or after so many, which rounding may have made a bit more."""
-    return ceil(periods - 1e-9 * max(1.0, periods))

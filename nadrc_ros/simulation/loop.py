@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, nan
+from math import nan
 from typing import TYPE_CHECKING
 
 import attrs
@@ -11,6 +11,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.faults import Sample
 from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME, SIZE
+from nadrc_ros.simulation.periods import first_period
 from nadrc_ros.simulation.remainder import accumulate_remainders
 from nadrc_ros.simulation.signals import Signal
 import numpy as np
@@ -26,8 +27,6 @@ LEVELS = 9
 WIDTH = LEVELS + MAX_LEVELS
 # Periods between two draws of noise: the memory of a run of any length.
 BLOCK = 8192
-# A stamp this far back [s] means that the clock was set back, not that a sample comes late.
-SET_BACK = 0.1
 
 # kernel(loop, stop, rows) advances the loop towards period ``stop``, up to which no setting
 # changes and there is noise. It stops before a period it cannot do, and returns False when it
@@ -63,10 +62,10 @@ class Loop:
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
         self.noise_start = 0
-        self._stamp = -1.0
+        self._newest = Sample(nan, -1.0, -1)
         self._settings = settings
         self._changes = [
-            (_first_period(retune.time, experiment.rate), retune.settings)
+            (first_period(retune.time, experiment.rate), retune.settings)
             for retune in sorted(experiment.retunes, key=lambda retune: retune.time)
         ]
 
@@ -89,7 +88,7 @@ class Loop:
                 stop = min(stop, self._changes[0][0]) if self._changes else stop
                 if process.k < stop and not kernel(self, stop, rows):
                     kernel = None
-                self._stamp = process.k - 1.0
+                self._newest = Sample(nan, process.k - 1.0, process.k - 1)
                 if process.k == drawn:
                     continue
             self._period(rows)
@@ -97,7 +96,8 @@ class Loop:
     def _regular(self) -> bool:
         """Tell whether this period has its one sample, as the one before had."""
         k = self.process.k
-        return self._stamp == k - 1.0 and not self.process.faults.acts(k)
+        usual = self._newest.number == k - 1 == self._newest.stamp
+        return usual and not self.process.faults.acts(k)
 
     def _period(self, rows: Array) -> None:
         """Advance by one period in plain Python."""
@@ -140,11 +140,12 @@ class Loop:
         """Return the last sample that arrived, nan if none did, and the time it spans [s]."""
         if not samples:
             return nan, 0.0
-        value, stamp = samples[-1]
-        dt = (stamp - self._stamp) * self.experiment.period
-        if dt > 0.0 or dt < -SET_BACK:
-            self._stamp = stamp
-        return value, dt
+        sample, before = samples[-1], self._newest
+        dt = (sample.stamp - before.stamp) * self.experiment.period
+        if sample.number <= before.number:  # late, or twice
+            return sample.value, min(dt, 0.0)
+        self._newest = sample
+        return sample.value, dt
 
 
 def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:
@@ -152,11 +153,3 @@ def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:
     out = [0.0] * (REFERENCE_DERIVATIVES + 1)
     signal.derivatives(k / rate, out)
     return out
-
-
-def _first_period(time: float, rate: float) -> int:
-    """Return the first k with k / rate at or after ``time``."""
-    k = max(ceil(time * rate) - 2, 0)
-    while k / rate < time:
-        k += 1
-    return k

@@ -36,9 +36,9 @@ class Process:
         faults: Faults,
     ) -> None:
         self.rate = rate
+        self.k = 0
         self._seed = noise.seed
         self.inject(faults)
-        self.k = 0
         self.state = list(initial_state)
         self.noise = NoiseSource(noise, 1.0 / rate)
         self._next = list(initial_state)
@@ -54,8 +54,8 @@ class Process:
         self._integrator = Integrator(plant, disturbance, self.substeps)
 
     def inject(self, faults: Faults) -> None:
-        """Go on with other faults."""
-        self.faults = Injector(faults, 1.0 / self.rate, self._seed)
+        """Go on with other faults, whose times count from now on."""
+        self.faults = Injector(faults, self.rate, self._seed, self.k)
 
     @property
     def output(self) -> float:
