@@ -242,7 +242,7 @@ def test_p12_the_last_change_before_a_tick_is_the_one_taken() -> None:
 
 
 @pytest.mark.parametrize('case', CASES)
-def test_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
+def test_p12_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
     """What the levels that go away had estimated is not forgotten; with a new b0, L is another."""
     for label, base, changed in changes(case):
         if changed.b0 == base.b0 and 'td' not in case and 'tracking' not in label:
@@ -253,8 +253,20 @@ def test_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
             assert retuned.total_disturbance == pytest.approx(kept.total_disturbance), label
 
 
+def test_p12_a_change_is_no_start_of_the_observers() -> None:
+    """Whose bandwidths would rise from 0 again."""
+    settings = ControllerSettings(startup_time=1.0)
+    loop = Loop(settings, 150)
+    kept, retuned = loop.controllers
+    retuned.retune(attrs.evolve(settings, hold_time=1.0))
+    for _ in range(50):
+        loop.tick()
+    assert retuned.total_disturbance == pytest.approx(kept.total_disturbance)
+    assert retuned.state.age == kept.state.age
+
+
 @pytest.mark.parametrize('structure', NAMES)
-def test_a_new_b0_asks_the_estimate_of_what_the_command_did(structure: str) -> None:
+def test_p12_a_new_b0_asks_the_estimate_of_what_the_command_did(structure: str) -> None:
     """L = y'' - b0 u, with the u that acted; disabled, that is not the one the law would send."""
     settings = ControllerSettings(structure=structure, safe_command=-2.0)
     controller, chain = Controller(settings, enabled=False), Chain(2)

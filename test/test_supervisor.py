@@ -316,6 +316,17 @@ def test_p11_enabling_is_bumpless(structure: str, error_based: bool, tracking: f
     assert bench.chain.y == pytest.approx(50.0, abs=0.1)
 
 
+def test_p11_the_law_takes_over_gradually_from_the_first_command() -> None:
+    """It would brake by -40 or so at once: the plant moves, as nobody held it while disabled."""
+    bench = Bench(enabled=False, command_rate_limit=0.0)
+    bench.run(200, r=None)
+    assert bench.chain.x[1] == pytest.approx(6.0, abs=0.1)
+    bench.controller.enabled = True
+    bench.run(50, r=None)
+    assert min(bench.commands) < -20.0
+    assert bench.largest_change() < 4.0
+
+
 def test_p05_p14_disabling_ramps_to_safe_and_goes_quiet() -> None:
     bench = Bench()
     bench.run(300)
