@@ -300,3 +300,36 @@ def test_p15_killed_the_controller_leaves_the_plant_at_its_safe_command(
     again = start('controller', **CONTROL)
     probe.wait_until(lambda: not plant._timed_out)
     assert again.running
+
+
+def test_two_publishers_of_the_measurement_are_told_also_under_another_name(
+    probe: Probe, start: Processes
+) -> None:
+    controller = start('controller', '-r', 'measurement:=state', **CONTROL)
+    first, second = probe.publisher('state'), probe.publisher('state')
+    probe.wait_until(lambda: probe.readers('state'))
+    first(0.0)
+    second(0.1)
+    probe.wait_until(lambda: probe.said() and 'several publishers' in probe.said()[-1][1])
+    assert probe.said()[-1][2]['measurement_publishers'] == '2'
+    assert controller.running
+
+
+@pytest.mark.parametrize('share', (1.01, 0.5))
+def test_p17_with_measurements_as_trigger_only_what_was_missed_is_counted(
+    share: float, make_probe: Make
+) -> None:
+    """Neither a source a little fast hides a stall, nor is a slow one taken for many."""
+    trigger = {'trigger': 'measurement', 'rate': 50.0, 'measurement_timeout': 0.0}
+    probe = make_probe(parameters={'controller': CONTROL | trigger})
+    ticker = probe.add(ControllerNode()).ticker
+    measure = probe.publisher('measurement')
+    probe.wait_until(lambda: probe.readers('measurement'))
+    probe.node.create_timer(1.0 / (50.0 * share), lambda: measure(0.0))
+    probe.wait_until(lambda: ticker.periods > 10)
+    before, begin = ticker.missed, ticker.periods
+    probe.wait_until(lambda: ticker.periods > begin + 40)
+    assert ticker.missed - before <= 8  # on a busy machine
+    before = ticker.missed
+    time.sleep(0.4)  # a stall
+    probe.wait_until(lambda: ticker.missed >= before + 15)

@@ -15,9 +15,6 @@ from network import Inside, Link, Observation, refusal, Report, Sample
 from probe import PATIENCE
 import pytest
 
-REASON = refusal()
-pytestmark = pytest.mark.skipif(bool(REASON), reason=f'DID NOT RUN: {REASON}')
-
 SEED = 20
 RATE = 100.0
 REFERENCE = 2.0
@@ -94,6 +91,8 @@ def wait_until(condition: Callable[[], Any]) -> None:
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Run]:
     """Run a loop with the controller and the recorder at one end, and the plant at the other."""
+    if reason := refusal():
+        pytest.skip(f'DID NOT RUN: {reason}')
     link = Link(SEED)
     near, far = ends = [Inside(link, end, '/network', tmp_path) for end in link.ends]
     with pytest.MonkeyPatch.context() as patch:

@@ -122,3 +122,15 @@ def test_simulated_time_counts_receipts_and_a_step_back_costs_one_sample() -> No
     assert line.span(5, 4.0, now=10.0) == 0.0
     assert line.times.clock_jumps == 1
     assert line.span(6, 5.0, now=15.0) == pytest.approx(5.0)
+
+
+def test_p09_a_restarted_publisher_that_is_twice_as_fast_as_the_controller_is_followed() -> None:
+    line = Line()
+    for number in range(2, 101, 2):
+        line.times.saw({'publication_sequence_number': number - 1})
+        line.span(number, 2.5 * number)
+    spans = []
+    for number in range(2, 21, 2):  # numbers and clock begin anew
+        line.times.saw({'publication_sequence_number': number - 1})
+        spans.append(line.span(number, 2.5 * number - 1e6, now=300.0 + 2.5 * number))
+    assert spans[1:] == [pytest.approx(5.0)] * 9

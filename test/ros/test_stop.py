@@ -39,6 +39,17 @@ class Broken(ControllerNode):
 
 raise SystemExit(run(Broken))
 """
+LOCKED_UP = """
+import ctypes
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.runtime import run
+
+class LockedUp(ControllerNode):
+    def destroy_node(self):
+        ctypes.PyDLL(None).sleep(1000)  # PyDLL keeps the GIL
+
+raise SystemExit(run(LockedUp))
+"""
 # Slack for a machine that has other things to do; promised is 1 s.
 SLACK = 3.0
 
@@ -112,12 +123,25 @@ def test_p14_an_exception_in_a_callback_ends_with_the_safe_command(
     probe.wait_until(lambda: commands[-1] == 1.5)
 
 
-def test_a_controller_that_is_silent_stays_so_when_it_is_stopped(
+def test_p14_a_middleware_that_locks_up_does_not_keep_the_process_alive(
+    probe: Probe, start: Processes
+) -> None:
+    arguments = ('--ros-args', '-r', f'__ns:={probe.namespace}')
+    controller = start.run('locked_up', '-c', LOCKED_UP, *arguments)
+    probe.wait_until(probe.said)
+    controller.signal(signal.SIGINT)
+    assert probe.end_of(controller) == 1
+
+
+def test_a_controller_that_is_silent_stays_so_when_it_is_retuned_and_stopped(
     probe: Probe, start: Processes
 ) -> None:
     commands = probe.listen('command')
     controller = start('controller', **CONTROL, enabled_at_start=False)
     probe.wait_until(probe.said)
+    assert probe.set('controller', command_rate_limit=1.0, safe_command=5.0) == ['', '']
+    n = len(probe.said())
+    probe.wait_until(lambda: len(probe.said()) > n)
     controller.signal(signal.SIGINT)
     assert probe.end_of(controller) == 0
     probe.spin(0.1)
