@@ -253,6 +253,27 @@ def test_p12_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
             assert retuned.total_disturbance == pytest.approx(kept.total_disturbance), label
 
 
+@pytest.mark.parametrize('error_based', (False, True))
+def test_p12_the_estimate_is_of_the_plant_whatever_is_observed(error_based: bool) -> None:
+    """The sum of the levels alone differs by r^(n), which is not 0 here."""
+    settings = ControllerSettings(plant_order=1, error_based=error_based)
+    loop = Loop(settings, 100)
+    kept, retuned = loop.controllers
+    retuned.retune(attrs.evolve(settings, error_based=not error_based))
+    loop.tick()
+    assert retuned.total_disturbance == pytest.approx(kept.total_disturbance, abs=1e-9)
+
+
+def test_p12_switched_off_the_differentiator_leaves_no_bump_for_the_next_tick() -> None:
+    """The reference is far ahead of the profile, by 32 in the command."""
+    settings = ControllerSettings(tracking_acceleration=0.1)
+    loop = Loop(settings, 20)
+    loop.controllers[1].retune(attrs.evolve(settings, tracking_acceleration=0.0))
+    loop.tick()
+    old, new = loop.tick()
+    assert abs(new - old) < 5.0
+
+
 def test_p12_a_change_is_no_start_of_the_observers() -> None:
     """Whose bandwidths would rise from 0 again."""
     settings = ControllerSettings(startup_time=1.0)
