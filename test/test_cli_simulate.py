@@ -121,7 +121,7 @@ def test_a_shipped_scenario_goes_by_its_bare_name(
     ('old', 'new', 'message'),
     [
         ('nested: {}', 'nested: {b0: 0}', 'controllers.nested.b0 = 0.0: must be'),
-        ('disturbance', 'faults', "faults = 'decaying_cosine': must be left out"),
+        ('disturbance', 'fault', "fault = 'decaying_cosine': must be left out"),
         ('rate: 100', 'rate: [', 'line 8, column 12: not YAML: '),
     ],
 )

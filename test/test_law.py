@@ -119,7 +119,7 @@ TIMES = st.one_of(st.floats(1e-9, 1.0), st.just(H), ANY)
 NOT_FINITE = st.sampled_from((NAN, INF, -INF))
 
 
-@at_least(2000)
+@at_least(500)
 @given(
     st.sampled_from(sorted(CASES)),
     st.lists(st.tuples(ANY, ANY, TIMES), max_size=5),

@@ -75,9 +75,11 @@ def test_a_quick_look_says_so(page: str, out: Path) -> None:
 
 def test_the_numbers_are_the_same_twice_and_carry_no_place(out: Path) -> None:
     first = (out / 'paper.json').read_bytes()
-    sections = run.sections()
-    results = run.measure(sections, lambda section, share: None, jobs=1, quick=True)
-    assert run.as_json(results, quick=True) == first
+    with_noise = [s for s in run.sections() if s.name in ('table1', 'fair', 'rates')]
+    again = run.measure(with_noise, lambda section, share: None, jobs=1, quick=True)
+    assert len(again) == 3
+    for name, result in again.items():
+        assert json.loads(json.dumps(result)) == json.loads(first)[name]
     assert str(out).encode() not in first and str(ROOT).encode() not in first
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from math import copysign
 from random import Random
 import sys
 from typing import Any
@@ -27,14 +28,15 @@ KINDS = ('y', 'dt', 'elapsed', 'reference', 'applied', 'silence', 'enable', 'res
 SPARE = 100
 
 
-def random_settings(rng: Random, order: int) -> ControllerSettings:
-    """Return the settings of a random case for a plant of this order, with random limits."""
+def random_settings(rng: Random, now: ControllerSettings) -> ControllerSettings:
+    """Return the settings of a random case for the plant of ``now``, with random limits."""
+    order = now.plant_order
     names = [name for name, case in CASES.items() if case.get('plant_order', 2) == order]
     changes = {
         'command_min': -rng.uniform(1.0, 30.0),
         'command_max': rng.uniform(1.0, 30.0),
         'reference_timeout': rng.choice((0.0, 0.1)),
-        'b0': rng.choice((-1.0, 1.0)) * rng.uniform(0.1, 10.0),
+        'b0': copysign(rng.uniform(0.1, 10.0), now.b0),
     }
     return ControllerSettings(**CASES[rng.choice(names)] | changes)
 
@@ -73,8 +75,7 @@ class Faulty:
         elif fault == 'reset':
             self.controller.reset()
         elif fault == 'retune':
-            order = self.controller.settings.plant_order
-            self.controller.retune(random_settings(self._rng, order))
+            self.controller.retune(random_settings(self._rng, self.controller.settings))
 
     def _spoilt(self, fault: str) -> dict[str, Any]:
         value, span = self._rng.choice(VALUES), self._rng.choice(SPANS)
