@@ -109,16 +109,19 @@ def test_a_missing_reader_ends_the_start_by_name(start: Processes, namespace: st
     assert 'Traceback' not in process.said
 
 
-def test_a_silent_input_ends_the_run_by_name(start: Processes, namespace: str) -> None:
-    patience: dict[str, Any] = {'lockstep_timeout': 4.0}
-    process = start('controller', **LOCKSTEP, **patience)
-    plant = start('plant', **LOCKSTEP, **patience, readers='measurement: controller')
-    assert process.end() == plant.end() == 1
+def test_a_silent_input_ends_the_run_by_name(
+    probe: Probe, start: Processes, namespace: str
+) -> None:
+    commands = probe.listen('command')
+    process = start('controller', **LOCKSTEP, lockstep_timeout=4.0, safe_command=1.5)
+    plant = start('plant', **LOCKSTEP, readers='measurement: controller')
+    assert probe.end_of(process) == 1
     assert f'{namespace}/reference' in process.said
     assert f'{namespace}/measurement' not in process.said  # the plant did send its first
     assert 'no sample 1 for 4 s' in process.said
-    # the controller said safe as its last, and the plant took it
-    assert f'{namespace}/command: no sample 2 for 4 s' in plant.said
+    probe.wait_until(lambda: commands == [1.5])  # safe, as its last
+    plant.signal(signal.SIGINT)
+    assert probe.end_of(plant) == 0
     assert 'Traceback' not in process.said + plant.said
 
 
