@@ -92,7 +92,7 @@ def test_every_live_setting_is_changed_below() -> None:
     assert set(VALUES) == set(FIELDS)
 
 
-@pytest.mark.parametrize('ticks', (1, 4, 40, 150))
+@pytest.mark.parametrize('ticks', (1, 4, 60))
 @pytest.mark.parametrize('case', CASES)
 def test_p12_a_change_of_any_live_setting_is_bumpless(case: str, ticks: int) -> None:
     statuses = set()
