@@ -26,6 +26,7 @@ WHEELS := $(filter wheels,$(ROS))
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export ROS_DOMAIN_ID := $(shell echo $$((RANDOM % 100 + 1)))
 unexport ROS_LOCALHOST_ONLY ROS_STATIC_PEERS ROS_DISCOVERY_SERVER _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport PYTHONDONTWRITEBYTECODE # every process would compile rclpy and NumPy anew, which takes seconds
 
 help: ## print this list
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
@@ -41,7 +42,7 @@ paper: build $(VENV)/dev ## measure every claim of the paper, write the article 
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
 	[ -z '$(ARGS)' ] || exec python -m pytest $(ARGS)
-	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
+	python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	python -m pytest -n 2 --dist worksteal test/ros # on their own: a loop in real time wants the cores
