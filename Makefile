@@ -42,7 +42,7 @@ paper: build $(VENV)/dev ## measure every claim of the paper, write the article 
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
 	[ -z '$(ARGS)' ] || exec python -m pytest $(ARGS)
-	python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --ignore=test/ros --junitxml=build/tests.xml
+	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	python -m pytest -n 2 --dist worksteal test/ros # on their own: a loop in real time wants the cores
@@ -86,7 +86,7 @@ source install/local_setup.bash
 endef
 
 # The build is repeated when a file changed, and when one came or went: their names are in the stamp's name.
-FILES := $(sort $(shell find $(wildcard nadrc_ros config resource) -type f -not -name '*.pyc'))
+FILES := $(sort $(shell find $(wildcard nadrc_ros config resource) -type f -not -path '*/__pycache__/*'))
 BUILT := install/.built-$(firstword $(shell echo $(FILES) | cksum))
 build: $(BUILT)
 
