@@ -142,14 +142,14 @@ class ControllerSettings:
         SMALLEST,
         LARGEST,
         'output unit',
-        'what the sensor cannot read: a measurement below counts as none',
+        'lowest value that the sensor can give; a measurement below counts as none',
     )
     measurement_max: float = number(
         LARGEST,
         SMALLEST,
         LARGEST,
         'output unit',
-        'what the sensor cannot read: a measurement above counts as none',
+        'highest value that the sensor can give; a measurement above counts as none',
     )
     measurement_timeout: float = number(
         0.25,
