@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from nadrc_ros.writing import write_json
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
@@ -32,7 +33,7 @@ def save(
     if path.exists():
         document = json.loads(path.read_text(encoding='utf-8'))
     document[part] = figures
-    path.write_text(json.dumps(document, indent=1, allow_nan=False) + '\n', encoding='utf-8')
+    write_json(path, document)
 
 
 def show(title: str, rows: Mapping[str, Figures], footnote: str) -> None:

@@ -19,13 +19,14 @@ the acting command, in one period) and ``bad_commands`` (sent, not finite or out
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-import json
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any, Protocol
 
 import attrs
+from bench.results import FOLDER
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -36,12 +37,13 @@ from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.simulation.signals.trapezoid import Trapezoid
 from nadrc_ros.simulation.vector import MutableVector
+from nadrc_ros.writing import write_json
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
-FILE = Path(__file__).resolve().parents[1] / 'out' / 'bench' / 'robustness.json'
+FILE = FOLDER / 'robustness.json'
 SEED = 1
 PERIOD = 0.01
 FAULT = 3.0
@@ -148,7 +150,7 @@ class Ours:
         self.controller.retune(attrs.evolve(self.settings, b0=b0))
 
 
-class Rival:
+class Rival(ABC):
     """A law that is called when there is a sample, and if ``guarded`` only when it is finite."""
 
     def __init__(self, guarded: bool) -> None:
@@ -162,8 +164,9 @@ class Rival:
         dt, self.span = self.span, 0.0
         return self.law(r, y, dt, applied)
 
+    @abstractmethod
     def law(self, r: float, y: float, dt: float, applied: float) -> float:
-        raise NotImplementedError
+        """Return the command for a sample that came ``dt`` after the one before [s]."""
 
 
 class PyAdrc(Rival):
@@ -327,7 +330,7 @@ def write(rows: list[Row], seed: int, path: Path) -> None:
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {'settings': settings, 'rows': [attrs.asdict(row) for row in rows]}
-    path.write_text(json.dumps(document, indent=1, allow_nan=False) + '\n', encoding='utf-8')
+    write_json(path, document)
 
 
 def show(rows: list[Row]) -> None:

@@ -69,11 +69,12 @@ def ours(levels: int, order: int) -> Block:
     return block
 
 
-def statespace() -> Block:
-    from pyadrc import StateSpace
+def pyadrc_law(form: str) -> Any:
+    """Return one of pyadrc's forms of the law of ``ours(1, 2)``."""
+    import pyadrc
 
     change = RATE_LIMIT * PERIOD
-    law = StateSpace(
+    return getattr(pyadrc, form)(
         order=2,
         delta=PERIOD,
         b0=1.0,
@@ -82,7 +83,10 @@ def statespace() -> Block:
         m_lim=(-LIMIT, LIMIT),
         r_lim=(-change, change),
     )
-    u = 0.0
+
+
+def statespace() -> Block:
+    law, u = pyadrc_law('StateSpace'), 0.0
 
     def block(measurements: list[float], periods: list[float]) -> list[int]:
         nonlocal u
@@ -97,18 +101,7 @@ def statespace() -> Block:
 
 
 def feedback_tf() -> Block:
-    from pyadrc import FeedbackTF
-
-    change = RATE_LIMIT * PERIOD
-    law = FeedbackTF(
-        order=2,
-        delta=PERIOD,
-        b0=1.0,
-        w_cl=BANDWIDTH,
-        k_eso=OBSERVER / BANDWIDTH,
-        m_lim=(-LIMIT, LIMIT),
-        r_lim=(-change, change),
-    )
+    law = pyadrc_law('FeedbackTF')
 
     def block(measurements: list[float], periods: list[float]) -> list[int]:
         times = []

@@ -295,8 +295,12 @@ class Controller:
 
     def _drop_old_derivatives(self) -> None:
         """Count derivatives that ceased to come as 0; the command does not show it."""
-        old = [i for i in range(1, len(self._ages)) if self._ages[i] > self.design.max_dt]
-        if not any(self.reference[i] != 0.0 for i in old):
+        old = [
+            i
+            for i in range(1, len(self._ages))
+            if self._ages[i] > self.design.max_dt and self.reference[i] != 0.0
+        ]
+        if not old:
             return
         for i in old:
             self.reference[i] = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf, nan
 from pathlib import Path
 import time
@@ -25,7 +25,7 @@ from nadrc_ros.replay import TraceWriter
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import SetBool, Trigger
 
-Reference = list[float | None]
+Reference = Sequence[float | None]
 # How often readers of the estimates are looked for [s].
 LOOK = 0.1
 # As many changes of mode are logged in so many seconds: a sensor that flaps must not fill a disk.
@@ -114,7 +114,9 @@ class ControllerNode(LiveNode):
             self._ticked = self._heard = self.ticker.now()
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self._estimates = Estimates(self._sender, always=self.lockstep is not None)
+        self._estimates = Estimates(
+            self._sender, self.controller.design.levels, always=self.lockstep is not None
+        )
         self._divisor = loop.estimate_divisor if self.lockstep is None else 1
         self._steps = 0
         self.create_timer(
@@ -203,7 +205,7 @@ class ControllerNode(LiveNode):
 
     def _fire(self, values: list[float]) -> None:
         """Do one lockstep tick."""
-        self._tick(values[0], self.pacing.period, self.pacing.period, [*values[1:]])
+        self._tick(values[0], self.pacing.period, self.pacing.period, values[1:])
 
     # ---- the step ----
 

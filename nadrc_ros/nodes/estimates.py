@@ -19,17 +19,19 @@ class Estimates:
     ----------
     make_sender
         Makes the sender of a topic.
+    levels
+        How many levels there are at the start; a retune may add some.
     always
         Whether all are sent, also those that nobody reads, as in lockstep.
 
     """
 
-    def __init__(self, make_sender: Callable[[str], Sender], always: bool) -> None:
+    def __init__(self, make_sender: Callable[[str], Sender], levels: int, *, always: bool) -> None:
         self._make_sender = make_sender
         self._always = always
         self._senders: list[Sender] = []
         self._read: list[int] = []
-        self._add(0)
+        self._add(levels)
 
     def look(self) -> None:
         """Find out which topics have readers: asked at every step, it would double its time."""
