@@ -20,12 +20,11 @@ from nadrc_ros.nodes.topics import reference_topics
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario.parameter_files import controller_parameters, parameter_text, Parameters
 from nadrc_ros.simulation.signals import signal_fields
-import yaml
 
 NODES = ('plant', 'reference', 'recorder', 'controller')
 STOP_TIME = 3.0
-Parameters = dict[str, Any]
 
 
 def node_parameters(
@@ -52,17 +51,16 @@ def node_parameters(
     plant |= _typed(plant_fields(plant['plant'], plant['plant_class']), scenario.plant.values)
     plant |= {f'disturbance_{key}': value for key, value in scenario.disturbance.values.items()}
     plant |= _fault_parameters(scenario)
-    controller = {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, value in attrs.asdict(settings).items()
-    }
     nodes: dict[str, Parameters] = {
         'plant': plant,
         'reference': {
             'signal': scenario.reference.name,
             **_typed(signal_fields(), scenario.reference.values),
         },
-        'controller': {**controller, 'enabled_at_start': lockstep},
+        'controller': {
+            **controller_parameters(settings, scenario.rate),
+            'enabled_at_start': lockstep,
+        },
         'recorder': {
             'inputs': ' '.join(recorded(settings)),
             'directory': str(directory),
@@ -146,10 +144,7 @@ class Loop:
         self.parameter_file = directory / 'parameters.yaml'
         parameters = node_parameters(scenario, name, directory / 'runs', lockstep)
         self.parameter_file.write_text(
-            yaml.safe_dump(
-                {f'/{name}/{node}': {'ros__parameters': p} for node, p in parameters.items()},
-                sort_keys=False,
-            ),
+            parameter_text({f'/{name}/{node}': p for node, p in parameters.items()}),
             encoding='utf-8',
         )
         self.processes: dict[str, subprocess.Popen[bytes]] = {}

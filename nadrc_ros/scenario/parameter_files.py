@@ -1,0 +1,27 @@
+"""ROS parameters as plain data, and the text of a file for ``--params-file``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.settings import ControllerSettings
+import yaml
+
+Parameters = dict[str, Any]
+# As a node's key in a parameter file: the controller node in whatever namespace it is.
+ANY_CONTROLLER = '/**/controller'
+
+
+def controller_parameters(settings: ControllerSettings, rate: float) -> Parameters:
+    """Return what makes a controller node run with these settings at ``rate`` [Hz]."""
+    values = attrs.asdict(settings)
+    plain = {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
+    return {**plain, 'rate': rate}
+
+
+def parameter_text(nodes: Mapping[str, Parameters]) -> str:
+    """Return the YAML text of the parameters of each node, by its full name or a pattern."""
+    content = {name: {'ros__parameters': parameters} for name, parameters in nodes.items()}
+    return yaml.safe_dump(content, sort_keys=False)
