@@ -75,6 +75,14 @@ class Ticker:
     A fixed-rate timer that counts the periods it missed.
 
     It runs on the steady clock, which no time correction stalls, unless ``use_sim_time`` is set.
+
+    Attributes
+    ----------
+    periods, missed
+        How many ticks there were, and for how many periods there was none.
+    due
+        Periods since the last tick: more than 1 where some were missed.
+
     """
 
     def __init__(self, node: Node, rate: float, tick: Callable[[float], None]) -> None:
@@ -83,6 +91,7 @@ class Ticker:
         self._clock = node.get_clock() if self.simulated else steady
         self.periods = 0
         self.missed = 0
+        self.due = 1
         self._period = 1.0 / rate
         self._tick = tick
         self._last = 0
@@ -119,6 +128,8 @@ class Ticker:
             self._begin = now - int((self.periods + self.missed) * self._period * 1e9)
         self._last = now
         self.periods += 1
-        due = round((now - self._begin) * 1e-9 / self._period) + 1
-        self.missed = max(self.missed, due - self.periods)
+        counted = round((now - self._begin) * 1e-9 / self._period) + 1
+        missed = max(0, counted - self.periods - self.missed)
+        self.missed += missed
+        self.due = 1 + missed
         return max(elapsed, 0.0)

@@ -33,6 +33,8 @@ DISTURBANCE = 'disturbance_'
 NOISE = 'noise_'
 MEASUREMENT_FAULT = 'fault.measurement.'
 COMMAND_FAULT = 'fault.command.'
+# After a longer stall of the process [s] only so much time has passed for the plant.
+LONGEST_STALL = 1.0
 # The stamps of samples are the middleware's.
 INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
 
@@ -71,7 +73,8 @@ class PlantNode(LiveNode):
     A plant on the graph: ``command`` in; ``measurement`` and, as truth, ``~/output`` out.
 
     The command that is there when a period ends acts over the whole of it. ``~/total_disturbance``
-    is L = y^(n) - b0 u at the start of that period, for the plant's own b0.
+    is L = y^(n) - b0 u at the start of that period, for the plant's own b0. Periods that the timer
+    missed pass all the same, without a sample: no plant waits for a busy machine.
     """
 
     def __init__(self) -> None:
@@ -183,7 +186,8 @@ class PlantNode(LiveNode):
         self._age = 0.0 if self._commanded else self._age + elapsed
         self._commanded = False
         if self._started:
-            self._advance(self._acting_command())
+            longest = round(LONGEST_STALL * self.pacing.rate)
+            self._advance(self._acting_command(), min(self.ticker.due, longest))
         self._send_sample()
 
     def _acting_command(self) -> float:
@@ -201,10 +205,15 @@ class PlantNode(LiveNode):
         if self.process.k < self.pacing.steps:
             self._send_sample()
 
-    def _advance(self, command: float) -> None:
-        acting = self.process.act(command)
-        self._truth.send(self.process.total_disturbance(command, acting))
-        if not self.process.advance(acting) and not self._diverged:
+    def _advance(self, command: float, periods: int = 1) -> None:
+        """Let some periods pass under one command; the truth is that of the first."""
+        finite = True
+        for i in range(periods):
+            acting = self.process.act(command)
+            if i == 0:
+                self._truth.send(self.process.total_disturbance(command, acting))
+            finite = self.process.advance(acting)
+        if not finite and not self._diverged:
             self._diverged = True
             self.get_logger().error(
                 f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '

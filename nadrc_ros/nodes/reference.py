@@ -60,7 +60,7 @@ class ReferenceNode(LiveNode):
 
     def _on_timer(self, _: float) -> None:
         if self._started:
-            self.k += 1
+            self.k += self.ticker.due
         self._send_sample()
 
     def _fire(self, _: list[float]) -> None:

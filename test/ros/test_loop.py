@@ -64,6 +64,22 @@ def test_p17_periods_and_missed_ones_add_up_to_the_time(kind: str, make_probe: M
     assert ticker.missed >= 20
 
 
+def test_time_goes_on_for_plant_and_reference_while_their_process_stands_still(
+    make_probe: Make,
+) -> None:
+    own = {'rate': RATE, 'start': 'at_once'}
+    probe = make_probe(parameters={'plant': PLANT | own, 'reference': own})
+    plant, reference = probe.add(PlantNode()), probe.add(ReferenceNode())
+    probe.wait_until(lambda: plant.process.k > 2 and reference.k > 2)
+    for node, k in ((plant, lambda: plant.process.k), (reference, lambda: reference.k)):
+        first, begin = k(), node.ticker._last
+        time.sleep(0.255)  # a stall
+        probe.wait_until(lambda k=k, first=first: k() > first + 60)
+        elapsed = (node.ticker._last - begin) * 1e-9 * RATE
+        assert k() - first == pytest.approx(elapsed, abs=2.0)
+        assert node.ticker.missed >= 20
+
+
 def test_a_tick_without_a_measurement_holds_everything(make_probe: Make) -> None:
     probe = make_probe(parameters={'controller': CONTROL | {'measurement_timeout': 0.0}})
     node = probe.add(ControllerNode())
