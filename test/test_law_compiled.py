@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from inspect import getmembers, isfunction
 import random
 from typing import Any
 
 from law_helpers import design_of, NAN, state_bits, varied_settings
-from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
+from nadrc_ros.adrc import controller
 from nadrc_ros.adrc.law import blank_state
 from nadrc_ros.adrc.supervisor import Mode, Watch
+from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
 import numba
-from numba.extending import register_jitable
 import numpy as np
 import pytest
 
@@ -22,11 +21,8 @@ TICKS = 5000
 
 @pytest.fixture(scope='module')
 def compiled() -> Any:
-    for module in (observer, feedback, differentiator, law, supervisor, controller):
-        for _, function in getmembers(module, isfunction):
-            if function.__module__ == module.__name__ and function is not controller.tick:
-                register_jitable(function)
-    return numba.njit(controller.tick)
+    share_law()
+    return numba.njit(lambda *arguments: controller.tick(*arguments))
 
 
 @pytest.mark.parametrize('case', CASES)

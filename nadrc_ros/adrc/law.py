@@ -90,11 +90,19 @@ def init(
     return state
 
 
+def copy_vector(source: Vector, out: Vector) -> None:
+    """Copy ``source``; a slice would double what numba has to compile, for its error messages."""
+    i, size = 0, len(source)
+    while i < size:
+        out[i] = source[i]
+        i += 1
+
+
 def copy_state(state: State, out: State) -> None:
     """Copy ``state`` into ``out``."""
     for k in range(len(state.levels)):
-        out.levels[k][:] = state.levels[k]
-    out.profile[:] = state.profile
+        copy_vector(state.levels[k], out.levels[k])
+    copy_vector(state.profile, out.profile)
     out.offset[0] = state.offset[0]
     out.age[0] = state.age[0]
 
@@ -147,10 +155,10 @@ def step(
         return _restart(design, state, reference, measurement, applied, out)
     profile = out.profile
     if design.tracking_acceleration > 0.0:
-        profile[:] = state.profile
+        copy_vector(state.profile, profile)
         track(reference[0], design.tracking_acceleration, dt, profile)
     else:
-        profile[:] = reference
+        copy_vector(reference, profile)
     observed = measurement
     if design.error_based:
         observed -= profile[0]
@@ -322,7 +330,7 @@ def _restart(
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     start(design, measurement, applied, reference[0], out)
     if design.tracking_acceleration <= 0.0:
-        out.profile[:] = reference
+        copy_vector(reference, out.profile)
     meet(design, out, applied)
     return clamp(design, applied), RESTARTED
 

@@ -55,16 +55,16 @@ def update(
         while j > 0:
             j -= 1
             v += levels[j][order]
-        z[:] = x
-        z[order] += v
-        # Row i needs z[i+1:] as predicted from: the Taylor sums of the chain, swept downwards.
+        # The Taylor sums of the chain from x with v added to the state that it drives.
         innovation = 0.0
         i = 0
         while i < last:
             ahead = 0.0
             j = last
             while j > i:
-                ahead = (ahead + z[j]) * steps[j - i]
+                if j == order:
+                    ahead += v
+                ahead = (ahead + x[j]) * steps[j - i]
                 j -= 1
             ahead += x[i]
             if i == 0:

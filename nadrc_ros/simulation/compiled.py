@@ -4,21 +4,22 @@ The loop of a run compiled by numba, from the functions of the law, the plant an
 This is the one file that imports numba. Every function of the loop is registered with numba, which
 then compiles the source that runs in plain Python: same bits, 50 times the speed. One loop serves
 one combination of plant, reference and disturbance class; their numbers and the controller's
-are arguments. Compiled loops are kept on disk, in ``__pycache__`` beside this file or else in the
-user's cache folder, under a name made of all that was compiled: numba by itself would not notice
-that another file than this one changed.
+are arguments. The law is compiled once for all loops, which takes longer than the rest of one.
+What was compiled is kept on disk, in ``__pycache__`` beside its source or else in the user's cache
+folder, under a name made of all that was compiled: numba by itself would not notice that another
+file changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from hashlib import sha256
 from inspect import getmembers, isfunction
 import marshal
 from math import isfinite, isnan
 import pickle
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
@@ -33,7 +34,7 @@ from nadrc_ros.simulation.remainder import accumulate_remainders
 import numba
 from numba import types
 from numba.core.event import Event, install_listener, Listener
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic, overload, register_jitable
 import numpy as np
 
 LAW = (observer, feedback, differentiator, law, supervisor, controller)
@@ -70,10 +71,9 @@ def compiled_loop(
 ) -> Callable[..., Any]:
     """Return the loop for these methods; it is compiled, or read from disk, at its first call."""
     methods = derivative, output, references, disturbances
-    for method in methods:
-        register_jitable(forceinline=True)(method)
-    for function in _functions():
-        register_jitable(forceinline=function not in SELDOM)(function)
+    share_law()
+    for function in (*methods, *SIMULATION):
+        _register(function)
 
     def loop(
         plant: Any,
@@ -164,11 +164,7 @@ def compiled_loop(
             k += 1
         return k, status, command, watch, (k - first) % 2
 
-    digest = sha256()
-    for function in (loop, *methods, *_functions()):
-        digest.update(_identity(function))
-    # The name of the file on disk: two loops that are made at once must not share one.
-    loop.__qualname__ = f'loop_{digest.hexdigest()[:16]}'
+    _name_by_content(loop, (*methods, *_law(), *SIMULATION))
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=True)(loop)
     return fast
 
@@ -184,14 +180,38 @@ def check_methods(methods: tuple[Any, ...], fields: tuple[Any, ...], states: int
 
 
 @cache
-def _functions() -> tuple[Callable[..., Any], ...]:
-    own = (
+def share_law() -> None:
+    """Have ``tick``, wherever it is called, compiled once and kept on disk by itself."""
+    for function in _law():
+        if function is not tick:
+            _register(function)
+    shared = FunctionType(tick.__code__, tick.__globals__)
+    _name_by_content(shared, _law())
+    options = {'forceinline': True, 'cache': True}
+    overload(tick, jit_options=options, strict=False)(lambda *arguments: shared)
+
+
+@cache
+def _register(function: Callable[..., Any]) -> None:
+    register_jitable(forceinline=function not in SELDOM)(function)
+
+
+@cache
+def _law() -> tuple[Callable[..., Any], ...]:
+    return tuple(
         function
         for module in LAW
         for _, function in getmembers(module, isfunction)
         if function.__module__ == module.__name__
     )
-    return *own, *SIMULATION
+
+
+def _name_by_content(function: Any, parts: Iterable[Callable[..., Any]]) -> None:
+    """Give a function the name of its file on disk: no two that are made at once share one."""
+    digest = sha256()
+    for part in (function, *parts):
+        digest.update(_identity(part))
+    function.__qualname__ = f'{function.__name__}_{digest.hexdigest()[:16]}'
 
 
 def _identity(function: Any) -> bytes:

@@ -127,7 +127,7 @@ def simulate(
         enough to win by it is compiled. Without numba, or with a plant or signal that does not
         compile, the loop runs in plain Python all the same.
     say
-        Called with one line before numba compiles, which takes half a minute, once per machine
+        Called with one line before numba compiles, which takes some seconds, once per machine
         for each combination of plant and signal classes.
 
     """

@@ -103,7 +103,7 @@ def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None)
 
     A loop is believed only after a few periods of it, done here, gave the bits of plain Python;
     for classes from outside this package these are done with all their numbers and from several
-    states. ``say`` is called with one line before numba compiles, which takes half a minute.
+    states. ``say`` is called with one line before numba compiles, which takes some seconds.
     """
     try:
         kernel = Kernel(experiment)
