@@ -138,6 +138,7 @@ def varied_settings() -> dict[str, dict[str, Any]]:
         'error-td-fal': {'error_based': True, 'tracking_acceleration': 2.0, 'feedback': 'fal'},
         'ratios': {'pole_ratios': (1.0, 1.3, 0.7)},
         'cascade-ratios': {'structure': 'cascade', 'pole_ratios': (0.5, 2.0, 1.0)},
+        'half gain': {'observer_gain_factor': 0.5},
         'rate limit': {'command_rate_limit': 40.0},
         'slow': {'command_rate_limit': 2.0, 'structure': 'printed', 'feedback': 'fal'},
         'narrow': {'command_min': -1.5, 'command_max': 1.5, 'error_based': True},

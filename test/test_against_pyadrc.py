@@ -10,9 +10,10 @@ import pytest
 H = 0.01
 
 
+@pytest.mark.parametrize('half', (False, True))
 @pytest.mark.parametrize('b0', (1.0, -0.5))
 @pytest.mark.parametrize('n', (1, 2))
-def test_commands_equal_those_of_pyadrc(n: int, b0: float) -> None:
+def test_commands_equal_those_of_pyadrc(n: int, b0: float, half: bool) -> None:
     """Over 2000 noisy steps, with rate and magnitude limits that are often reached."""
     limits, wc, ratio, start = (-6.0, 9.0), 4.0, 10.0, 0.3
     rate = 60.0 if n == 1 else 400.0
@@ -23,6 +24,7 @@ def test_commands_equal_those_of_pyadrc(n: int, b0: float) -> None:
             b0=b0,
             controller_bandwidth=wc,
             inner_bandwidth=ratio * wc,
+            observer_gain_factor=0.5 if half else 1.0,
             command_min=limits[0],
             command_max=limits[1],
             command_rate_limit=rate,
@@ -38,6 +40,7 @@ def test_commands_equal_those_of_pyadrc(n: int, b0: float) -> None:
         eso_init=(start, *[0.0] * n),
         m_lim=limits,
         r_lim=(-rate * H, rate * H),
+        half_gain=(False, half),
     )
     chain, other, statuses = Chain(n), 0.0, []
     chain.x[0] = start

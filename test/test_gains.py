@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import comb, exp, factorial
+from math import comb, exp, factorial, log, pi, sin
 
 from law_helpers import design_of, Observer, ORDERS
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import observer_gains
+from nadrc_ros.adrc.theory import transfer as theory
+from nadrc_ros.adrc.theory.system import is_stable
 import pytest
 
 CHECK_VALUES = (
@@ -107,6 +109,34 @@ def test_pole_ratios_place_each_pole(n: int, m: int, h: float) -> None:
         expected = polynomial_with_roots([exp(-ratio * wh) for ratio in ratios])
         found = characteristic_polynomial(scaled_error_matrix(design, h))
         assert found == pytest.approx(expected, abs=1e-11)
+
+
+@pytest.mark.parametrize('ratios', ((1.0,), (0.5, 1.0, 2.0)))
+@pytest.mark.parametrize('factor', (0.5, 0.8))
+@pytest.mark.parametrize(('n', 'm'), POLYNOMIALS)
+def test_a_share_of_the_gains_mixes_the_polynomials(
+    n: int, m: int, factor: float, ratios: tuple[float, ...]
+) -> None:
+    h, wh, states = 0.01, 0.4, n + m
+    design = observer(
+        n, m, inner_bandwidth=wh / h, pole_ratios=ratios[:states], observer_gain_factor=factor
+    )
+    used = polynomial_with_roots([exp(-ratio * wh) for ratio in design.pole_ratios])
+    free = polynomial_with_roots([1.0] * states)
+    expected = [factor * a + (1.0 - factor) * b for a, b in zip(used, free)]
+    found = characteristic_polynomial(scaled_error_matrix(design, h))
+    assert found == pytest.approx(expected, abs=1e-11)
+
+
+@pytest.mark.parametrize(('n', 'm'), POLYNOMIALS)
+def test_half_gain_is_stable_up_to_its_limit(n: int, m: int) -> None:
+    states = n + m
+    step = min(4.0 * sin(pi / (2 * states)) ** 2, 1.0)  # the largest 1 - exp(-w h)
+    for share, stable in ((0.98, True), (1.02, False)):
+        if share * step < 1.0:
+            w = -log(1.0 - share * step) / 0.01
+            design = observer(n, m, inner_bandwidth=w, observer_gain_factor=0.5)
+            assert is_stable(theory.observer(design, 0.01)) == stable
 
 
 @pytest.mark.parametrize(('n', 'm'), POLYNOMIALS)

@@ -31,6 +31,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
     'bandwidth_ratio': (0.1, 2.0),
     'extended_states': (1, 2, 3),
     'pole_ratios': ((0.5,), (2.0,)),
+    'observer_gain_factor': (0.5, 0.8),
     'controller_bandwidth': (1.0, 3.9, 20.0),
     'feedback': ('linear', 'fal'),
     'fal_gains': ((3.0,), (50.0,)),

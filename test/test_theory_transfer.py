@@ -196,7 +196,9 @@ def test_sampling_with_a_delay(delay: float) -> None:
         zero_order_hold(zero_order_hold(plant, H), H)
 
 
-@pytest.mark.parametrize('values', ({}, {'pole_ratios': True}, {'b0': -3.0}))
+@pytest.mark.parametrize(
+    'values', ({}, {'pole_ratios': True}, {'b0': -3.0, 'observer_gain_factor': 0.5})
+)
 @pytest.mark.parametrize('n', (1, 2))
 def test_one_leso_is_a_filtered_pid(n: int, values: dict[str, Any]) -> None:
     if 'pole_ratios' in values:

@@ -22,8 +22,8 @@ class Design:  # its slots are read five times as fast as the fields of a named 
 
     With n the plant order, m the extended states, N = n + m and K the levels: ``bandwidths`` (K,)
     [rad/s], ``reach`` (K,) how many previous disturbance estimates enter each level's input,
-    ``cancelled`` how many the command subtracts, ``gain_matrix`` (N, N) of ``gains``,
-    ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted from 0.
+    ``cancelled`` how many the command subtracts, ``gain_matrix`` (N, N) that of ``gains`` times
+    ``gain_factor``, ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted from 0.
     """
 
     order: int
@@ -39,6 +39,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     startup_time: float
     equal_poles: bool
     pole_ratios: list[float]
+    gain_factor: float
     gain_matrix: Matrix
     error_based: bool
     no_reference: list[float]
@@ -86,8 +87,10 @@ def make_design(settings: ControllerSettings) -> Design:
         startup_time=settings.startup_time,
         equal_poles=equal_poles,
         pole_ratios=ratios,
-        gain_matrix=cast(
-            Matrix, equal_pole_matrix(states) if equal_poles else inversion_matrix(states)
+        gain_factor=settings.observer_gain_factor,
+        gain_matrix=_scaled(
+            equal_pole_matrix(states) if equal_poles else inversion_matrix(states),
+            settings.observer_gain_factor,
         ),
         error_based=settings.error_based,
         no_reference=[0.0] * (order + 1),
@@ -128,6 +131,10 @@ def feedback_gains(settings: ControllerSettings) -> list[float]:
         return linear
     explicit = _per_state(settings.fal_gains, n)
     return [k if k > 0.0 else default for k, default in zip(explicit, linear, strict=True)]
+
+
+def _scaled(matrix: list[list[float]], factor: float) -> Matrix:
+    return cast(Matrix, [[factor * value for value in row] for row in matrix])
 
 
 def _per_state(values: tuple[float, ...], order: int) -> list[float]:

@@ -69,6 +69,14 @@ class ControllerSettings:
         'of the bandwidth',
         'observer poles, one entry for each of the n + m states; the last one counts for the rest',
     )
+    observer_gain_factor: float = number(
+        1.0,
+        0.5,
+        1.0,
+        '',
+        'share of the observer gains that acts; 0.5 = half-gain tuning: the same rejection with '
+        'less noise, for some of the upper gain margin',
+    )
     startup_time: float = number(
         0.0,
         0.0,

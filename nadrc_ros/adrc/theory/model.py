@@ -24,7 +24,7 @@ import numpy as np
 
 
 def pole_frequencies(design: Design, level: int) -> list[float]:
-    """Return the N observer poles of a level (counted from 0), times -1 [rad/s]."""
+    """Return the N poles, times -1 [rad/s], that place the gains of a level (from 0)."""
     w = design.bandwidths[level]
     if design.equal_poles:
         return [w] * design.states
@@ -73,9 +73,10 @@ def _level(design: Design, k: int, h: float) -> tuple[Array, Array, Array, Array
         predict = sum(power * np.eye(size, k=i) for i, power in enumerate(powers))
         push[:n] = powers[n:0:-1]
         gain = np.array(observer_gains(size, h, [exp(-w * h) for w in frequencies]))
+        gain *= design.gain_factor
         return np.asarray(predict), push, gain, one - np.outer(gain, one[0])
     push[n - 1] = 1.0
-    gain = np.asarray(np.poly([-w for w in frequencies])[1:], dtype=float)
+    gain = design.gain_factor * np.asarray(np.poly([-w for w in frequencies])[1:], dtype=float)
     return np.eye(size, k=1) - np.outer(gain, one[0]), push, gain, one
 
 
