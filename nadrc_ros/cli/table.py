@@ -33,11 +33,15 @@ def print_figures_of_merit(title: str, metrics: Mapping[str, MetricValues]) -> N
         values = [getattr(m, key) for m in metrics.values()]
         cells = [Text(_shown(key, v), 'bold' if _wins(v, values) else '') for v in values]
         table.add_row(label, Text(meaning, 'dim'), *cells)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=PIPE_WIDTH)  # nobody there to wrap lines for
-    console.print(Text(title, 'bold'))
-    console.print(table)
+    screen = console()
+    screen.print(Text(title, 'bold'))
+    screen.print(table)
+
+
+def console() -> Console:
+    """Return the terminal, or what does not wrap lines where nobody is there to read them."""
+    terminal = Console()
+    return terminal if terminal.is_terminal else Console(width=PIPE_WIDTH)
 
 
 def _wins(value: float, values: list[float]) -> bool:

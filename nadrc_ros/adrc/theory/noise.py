@@ -49,13 +49,17 @@ def disturbance_variance(design: Design, h: float = 0.0, variance: float = 1.0) 
 
 
 def command_variance(
-    design: Design, h: float, variance: float = 1.0, plant: StateSpace | None = None
+    design: Design,
+    h: float,
+    variance: float = 1.0,
+    plant: StateSpace | None = None,
+    delay: float = 0.0,
 ) -> float:
     """
     Return the variance of the command in the closed loop, with the plant of the design by default.
 
-    White measurement noise of the given variance, a new value each period ``h`` [s]. Infinite for
-    an unstable loop.
+    White measurement noise of the given variance, a new value each period ``h`` [s]; ``delay`` [s]
+    as in :func:`loop.closed_loop`. Infinite for an unstable loop.
     """
-    loop = closed_loop(design, plant or chain(design.order, design.b0), h)
+    loop = closed_loop(design, plant or chain(design.order, design.b0), h, delay)
     return float(output_covariance(pick(loop, [0], [1]), variance)[0, 0])

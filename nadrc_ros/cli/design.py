@@ -1,0 +1,180 @@
+"""`nadrc design`: a first controller from requirements, with what theory expects of it."""
+
+# ruff: noqa: UP045
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.tuning.requirements import Requirements
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.report.bode import Loop
+    from nadrc_ros.tuning.first_design import FirstDesign
+
+ASKED = declared(Requirements)
+POINTS = 800
+
+
+def _help(name: str) -> Any:
+    """Describe an option by the field of the requirements that it sets."""
+    field = ASKED[name]
+    unit = f' [{field.unit}]' if field.unit else ''
+    choices = ': ' + ', '.join(field.choices) if field.choices else ''
+    return typer.Option(help=f'{field.description}{choices}{unit}'.replace('[', '\\['))
+
+
+def design(
+    settling_time: Annotated[float, _help('settling_time')],
+    order: Annotated[int, _help('order')] = ASKED['order'].default,
+    rate: Annotated[float, _help('rate')] = ASKED['rate'].default,
+    b0: Annotated[float, _help('b0')] = ASKED['b0'].default,
+    noise_std: Annotated[float, _help('noise_std')] = ASKED['noise_std'].default,
+    command_noise: Annotated[float, _help('command_noise')] = ASKED['command_noise'].default,
+    command_limit: Annotated[float, _help('command_limit')] = ASKED['command_limit'].default,
+    delay: Annotated[float, _help('delay')] = ASKED['delay'].default,
+    disturbance: Annotated[float, _help('disturbance')] = ASKED['disturbance'].default,
+    disturbance_frequency: Annotated[float, _help('disturbance_frequency')] = ASKED[
+        'disturbance_frequency'
+    ].default,
+    reference_step: Annotated[float, _help('reference_step')] = ASKED['reference_step'].default,
+    structure: Annotated[str, _help('structure')] = ASKED['structure'].default,
+    levels: Annotated[int, _help('levels')] = ASKED['levels'].default,
+    half_gain: Annotated[bool, _help('half_gain')] = False,
+    out: Annotated[
+        Optional[Path],
+        typer.Option(help='Folder for design.yaml, scenario.yaml, bode.png and design.json.'),
+    ] = None,
+) -> None:
+    """
+    Design a first controller from requirements, and say how many observers pay off.
+
+    design.yaml holds the ROS parameters of a controller node, scenario.yaml the experiment for
+    `nadrc simulate` with every design that was compared. How to choose: docs/choosing.md.
+
+    Example: nadrc design --order 2 --settling-time 0.5 --rate 500 --noise-std 0.001 --out mine
+    """
+    values = {name: value for name, value in locals().items() if name in ASKED}
+    with reporting():
+        from nadrc_ros.adrc.fields import build
+        from nadrc_ros.tuning.first_design import first_design
+
+        found = first_design(build(Requirements, values))
+        _print(found)
+        if out is not None:
+            _write(out, found)
+
+
+def _print(found: 'FirstDesign') -> None:
+    from nadrc_ros.cli.table import console
+    from rich.table import Table
+    from rich.text import Text
+
+    screen = console()
+    screen.print(Text(found.title, 'bold'))
+    screen.print(Text('\n'.join(found.rules)))
+    table = Table(box=None, pad_edge=False)
+    for heading in ('', ''):
+        table.add_column(heading)
+    for candidate in found.candidates:
+        chosen = candidate is found.chosen
+        table.add_column(
+            Text(candidate.name + (' *' if chosen else ''), 'bold' if chosen else ''),
+            justify='right',
+        )
+    for label, meaning, cells in _rows(found):
+        table.add_row(label, Text(meaning, 'dim'), *cells)
+    screen.print(table)
+    screen.print(Text(found.advice, 'bold'))
+    pid = found.pid
+    if pid is not None:
+        kind = 'PI' if found.wanted.order == 1 else 'PID'
+        gains = f'Kp {pid.kp:.4g}, Ki {pid.ki:.4g}' + (f', Kd {pid.kd:.4g}' if pid.kd else '')
+        screen.print(
+            f'One observer is a filtered {kind} with {gains}: its column is also that of a {kind} '
+            'of equal noise.'
+        )
+
+
+def _rows(found: 'FirstDesign') -> 'list[tuple[str, str, list[str]]]':
+    from math import degrees
+
+    from nadrc_ros.adrc.design import bandwidths
+
+    wanted = found.wanted
+    all_of = found.candidates
+    predicted = [c.prediction for c in all_of]
+    margins = [p.margins for p in predicted]
+    expected = [found.expected[c.name] for c in all_of]
+    sine = wanted.disturbance_frequency > 0.0
+    left = (
+        f'largest up to {wanted.disturbance_frequency:g} rad/s'
+        if sine
+        else 'integral of |y| after a step'
+    )
+    return [
+        (
+            'w',
+            'observer bandwidths [rad/s]',
+            [' / '.join(f'{w:.3g}' for w in bandwidths(c.settings, c.levels)) for c in all_of],
+        ),
+        ('settling', 'time to stay within 2 % [s]', [f'{p.settling_time:.3g}' for p in predicted]),
+        ('noise', 'standard deviation of u', [f'{p.command_noise:.3g}' for p in predicted]),
+        ('error', f'under the disturbance, {left}', [f'{p.error:.3g}' for p in predicted]),
+        ('b / b0', 'gain margins', [f'{m.gain_low:.2f} ... {m.gain_high:.3g}' for m in margins]),
+        (
+            'input gain',
+            'any error of b0 u below [%]',
+            [f'{100.0 * p.input_gain_margin:.0f}' for p in predicted],
+        ),
+        ('phase', 'margin [degrees]', [f'{degrees(m.phase):.0f}' for m in margins]),
+        ('delay', 'margin [ms]', [f'{1e3 * m.delay:.3g}' for m in margins]),
+        ('modulus', 'distance of L from -1', [f'{m.modulus:.2f}' for m in margins]),
+        ('ITAE', 'of a step, then the disturbance', [f'{e.itae:.3g}' for e in expected]),
+        (
+            'ISU',
+            'without noise + by noise',
+            [f'{e.still_isu:.3g} + {e.noise_isu:.3g}' for e in expected],
+        ),
+        ('saturated', 'share of the time', [f'{100.0 * e.saturated:.1f} %' for e in expected]),
+    ]
+
+
+def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
+    """Return the chosen loop, and the others of equal noise."""
+    from math import pi
+
+    from nadrc_ros.report.bode import Loop
+    from nadrc_ros.tuning.prediction import curves
+    import numpy as np
+
+    wc, nyquist = found.chosen.settings.controller_bandwidth, pi * found.wanted.rate
+    omega = np.geomspace(0.03 * wc, nyquist, POINTS)
+    loops = {}
+    for candidate in sorted(found.candidates, key=lambda c: c is not found.chosen):
+        m = candidate.prediction.margins
+        drawn = curves(candidate.settings, found.wanted, omega)
+        loops[candidate.name] = Loop(*drawn, m.crossover, m.phase, (m.gain_low, m.gain_high))
+    return loops
+
+
+def _write(out: Path, found: 'FirstDesign') -> None:
+    from nadrc_ros.report.bode import draw_bode
+    from nadrc_ros.report.figure import render
+    from nadrc_ros.scenario import dump
+    from nadrc_ros.scenario.parameter_files import (
+        ANY_CONTROLLER,
+        controller_parameters,
+        parameter_text,
+    )
+    from nadrc_ros.writing import write_json, write_whole
+
+    out.mkdir(parents=True, exist_ok=True)
+    parameters = controller_parameters(found.chosen.settings, found.wanted.rate)
+    figure = draw_bode(_loops(found), found.title, found.wanted.disturbance_frequency)
+    write_whole(out / 'design.yaml', parameter_text({ANY_CONTROLLER: parameters}).encode())
+    write_whole(out / 'scenario.yaml', dump(found.scenario).encode())
+    write_whole(out / 'bode.png', render(figure, 'png'))
+    write_json(out / 'design.json', found.document())
+    typer.echo(f'{out}: design.yaml, scenario.yaml, bode.png, design.json')

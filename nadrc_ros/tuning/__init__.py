@@ -1,0 +1,1 @@
+"""Finding the numbers of a controller: a first design from requirements, and tuning."""

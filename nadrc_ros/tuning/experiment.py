@@ -1,0 +1,93 @@
+"""The experiment of a first design: every candidate on the nominal plant, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+from typing import NamedTuple
+
+from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
+from nadrc_ros.simulation.faults import Faults, MeasurementFault
+from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.tuning.candidates import Candidate
+from nadrc_ros.tuning.requirements import Requirements
+
+# In settling times: the start, which is bumpless and would spoil the step; the step of the
+# reference alone; the disturbance beside it.
+START, ALONE, TOGETHER = 0.2, 2.0, 4.0
+CYCLES = 3.0
+MOST_PERIODS = 50_000
+SEED = 1
+
+
+class Expected(NamedTuple):
+    """
+    Figures of merit of one candidate in the experiment.
+
+    ``itae`` [output unit s^2], ``isu`` [command unit^2 s] and the share of the time in which the
+    command was ``saturated``, of a run with noise. ``still_isu`` is that of a run without noise,
+    ``noise_isu`` what noise adds on average: the variance of the command times the length.
+    """
+
+    itae: float
+    isu: float
+    still_isu: float
+    noise_isu: float
+    saturated: float
+
+
+def experiment(wanted: Requirements, ordered: Sequence[Candidate]) -> Scenario:
+    """
+    Return a step of the reference, and later the disturbance, for all candidates.
+
+    A delay becomes one of the measurement, in whole periods.
+    """
+    start = START * wanted.settling_time + wanted.delay
+    later = start + ALONE * wanted.settling_time
+    return Scenario(
+        plant=PlantSpec(name='chain', values={'order': wanted.order, 'gain': wanted.b0}),
+        reference=SignalSpec(
+            name='step', values={'amplitude': wanted.reference_step, 'start_time': start}
+        ),
+        disturbance=_disturbance(wanted, later),
+        noise=Noise(variance=wanted.noise_std**2, seed=SEED),
+        faults=_faults(wanted),
+        controllers={candidate.name: candidate.settings for candidate in ordered},
+        rate=wanted.rate,
+        duration=float(f'{later + _length(wanted):.3g}'),
+    )
+
+
+def expect(scenario: Scenario, candidate: Candidate) -> Expected:
+    """Return the figures of merit of one candidate."""
+    noisy = scenario.run(candidate.name).metrics
+    still = scenario.changed(noise_variance=0.0).run(candidate.name).metrics
+    return Expected(
+        itae=noisy.itae,
+        isu=noisy.isu,
+        still_isu=still.isu,
+        noise_isu=candidate.prediction.command_noise**2 * still.duration,
+        saturated=noisy.saturated_fraction,
+    )
+
+
+def _disturbance(wanted: Requirements, start: float) -> SignalSpec:
+    values = {'amplitude': wanted.disturbance, 'start_time': start}
+    if wanted.disturbance_frequency == 0.0:
+        return SignalSpec(name='step', values=values)
+    return SignalSpec(name='sine', values={**values, 'frequency': wanted.disturbance_frequency})
+
+
+def _length(wanted: Requirements) -> float:
+    """Return how long the disturbance acts: cycles, but not more periods than are quickly run."""
+    length = TOGETHER * wanted.settling_time
+    if wanted.disturbance_frequency > 0.0:
+        cycles = CYCLES * 2.0 * pi / wanted.disturbance_frequency
+        length = max(length, min(cycles, MOST_PERIODS * wanted.period))
+    return length
+
+
+def _faults(wanted: Requirements) -> Faults:
+    if wanted.delay == 0.0:
+        return Faults()
+    return Faults(measurement=(MeasurementFault(kind='delayed', time=wanted.delay),))

@@ -1,0 +1,121 @@
+"""A first design from requirements: the candidates, the one to take, and why."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.design import bandwidths, make_design
+from nadrc_ros.adrc.theory.pid import equivalent_pid, FilteredPID
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.tuning.advice import advice, advised
+from nadrc_ros.tuning.bandwidths import settling_factor
+from nadrc_ros.tuning.candidates import asked, Candidate, candidates
+from nadrc_ros.tuning.experiment import expect, Expected, experiment
+from nadrc_ros.tuning.limits import MOST_PER_PERIOD
+from nadrc_ros.tuning.requirements import Requirements
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class FirstDesign:
+    """What was wanted, the candidates (one observer first), the chosen one, and the experiment."""
+
+    wanted: Requirements
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate
+    advice: str
+    scenario: Scenario
+    expected: dict[str, Expected]
+
+    @property
+    def title(self) -> str:
+        """Return one line that says what was wanted."""
+        wanted = self.wanted
+        delay = f', delay {wanted.delay:g} s' if wanted.delay else ''
+        return (
+            f'plant order {wanted.order}, b0 = {wanted.b0:g}: settling time '
+            f'{wanted.settling_time:g} s at {wanted.rate:g} Hz, noise {wanted.noise_std:g}{delay}'
+        )
+
+    @property
+    def rules(self) -> list[str]:
+        """Say how the bandwidths were found, with sources."""
+        wanted, one = self.wanted, self.candidates[0]
+        wc, w = one.settings.controller_bandwidth, one.settings.inner_bandwidth
+        held = ', less for the hold' if wanted.order == 1 else ''
+        rules = [
+            f'controller bandwidth wc = {wc:.4g} rad/s: {settling_factor(wanted.order):.4g} / '
+            f'settling time{held}, exact for (s + wc)^{wanted.order} (Gao 2003; by thumb 4 or 6 / '
+            'settling time for order 1 or 2, Herbst 2013)',
+            f'one observer w = {w:.4g} rad/s, set by {one.decided_by}: {w / wc:.3g} wc (3 to 10, '
+            f'Herbst 2013), w / rate = {w * wanted.period:.3g} (at most {MOST_PER_PERIOD:g})',
+            'more observers: as fast as the same noise of the command allows',
+        ]
+        if wanted.half_gain:
+            rules.append(
+                'half of the observer gains act (Herbst, Hempel, Goehrt, Streif 2020; Herbst, '
+                'Hempel 2025)'
+            )
+        return rules
+
+    @property
+    def pid(self) -> FilteredPID | None:
+        """The filtered PI or PID controller that one observer is, for orders 1 and 2."""
+        if self.wanted.order > 2:
+            return None
+        return equivalent_pid(make_design(self.candidates[0].settings))
+
+    def document(self) -> dict[str, Any]:
+        """Return everything as plain data; None is for what is infinite, or not there."""
+        return {
+            'requirements': attrs.asdict(self.wanted),
+            'rules': self.rules,
+            'advice': self.advice,
+            'chosen': self.chosen.name,
+            'pid': None if self.pid is None else _plain(self.pid._asdict()),
+            'candidates': {
+                c.name: {
+                    'settings': attrs.asdict(c.settings),
+                    'bandwidths': bandwidths(c.settings, c.levels),
+                    'predicted': _plain(c.prediction._asdict()),
+                    'expected': _plain(self.expected[c.name]._asdict()),
+                }
+                for c in self.candidates
+            },
+        }
+
+
+def first_design(wanted: Requirements) -> FirstDesign:
+    """
+    Return a first design that meets the requirements.
+
+    Raises
+    ------
+    Conflict
+        When there is none.
+
+    """
+    found = candidates(wanted)
+    best = advised(found)
+    named = {(c.settings.structure, c.levels): c for c in found}
+    chosen = next((named[key] for key in asked(wanted)), best)
+    scenario = experiment(wanted, sorted(found, key=lambda c: c is not chosen))
+    return FirstDesign(
+        wanted=wanted,
+        candidates=tuple(found),
+        chosen=chosen,
+        advice=advice(wanted, found, best),
+        scenario=scenario,
+        expected={c.name: expect(scenario, c) for c in found},
+    )
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, '_asdict'):
+        value = value._asdict()
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if hasattr(value, 'tolist'):
+        return value.tolist()
+    return None if value == inf else float(value)

@@ -1,0 +1,134 @@
+"""What limits the observer bandwidth, and requirements that leave no bandwidth at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, floor, log10
+
+import attrs
+from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.theory.loop import chain, loop_growth
+from nadrc_ros.adrc.theory.margins import margins
+from nadrc_ros.adrc.theory.noise import command_variance
+from nadrc_ros.tuning.bandwidths import (
+    controller_bandwidth,
+    settings_of,
+    settling_factor,
+    SLOWEST,
+)
+from nadrc_ros.tuning.requirements import Conflict, Requirements
+
+MOST_PER_PERIOD = 0.3
+DELAY_SHARE = 0.5
+DEVIATIONS = 3.0
+LONGEST = 1e3  # times the settling time asked for, up to which a possible one is sought
+BISECTIONS = 40
+
+Test = Callable[[Design, Requirements], bool]
+
+
+def noise_gain(design: Design, wanted: Requirements) -> float:
+    """Return the standard deviation of the command over that of the noise, in closed loop."""
+    plant = chain(wanted.order, wanted.b0)
+    return float(command_variance(design, wanted.period, 1.0, plant, wanted.delay) ** 0.5)
+
+
+def slow_enough(design: Design, wanted: Requirements) -> bool:
+    """Tell whether w h <= 0.3 for every level: beyond, sampling eats the margins up."""
+    return max(design.bandwidths) <= MOST_PER_PERIOD * wanted.rate * (1.0 + 1e-9)
+
+
+def robust_enough(design: Design, wanted: Requirements) -> bool:
+    """Tell whether the loop is stable and the delay at most half of what it bears without it."""
+    plant = chain(wanted.order, wanted.b0)
+    if wanted.delay == 0.0:
+        return loop_growth(design, plant, wanted.period) < 1.0
+    return wanted.delay <= DELAY_SHARE * margins(design, plant, wanted.period).delay
+
+
+def quiet_enough(design: Design, wanted: Requirements) -> bool:
+    """Tell whether the noise moves the command by no more than it may."""
+    return noise_gain(design, wanted) * wanted.noise_std <= noise_budget(wanted)
+
+
+def noise_budget(wanted: Requirements) -> float:
+    """Return the largest standard deviation of the command: 3 of them inside the command limit."""
+    room = wanted.command_limit / DEVIATIONS
+    return min(wanted.command_noise or room, room)
+
+
+LIMITS: dict[str, Test] = {
+    f'w h = {MOST_PER_PERIOD:g}': slow_enough,
+    'the delay': robust_enough,
+    'the limit of the command noise': quiet_enough,
+}
+
+
+def largest(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """Return the largest number from ``low``, where it holds, to ``high``, by bisection."""
+    if holds(high):
+        return high
+    for _ in range(BISECTIONS):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def check(wanted: Requirements) -> None:
+    """
+    Refuse requirements that exclude each other.
+
+    Raises
+    ------
+    Conflict
+        Names the requirements, the numbers, and what would be possible.
+
+    """
+    complaint = _conflict(wanted)
+    if complaint:
+        raise Conflict(f'{complaint}; possible: {_slower(wanted)}')
+
+
+def _conflict(wanted: Requirements) -> str:
+    """Return what keeps even an observer of 3 wc from working, nothing if it works."""
+    asked = f'settling_time = {wanted.settling_time:g} s'
+    least = SLOWEST * settling_factor(wanted.order) / wanted.settling_time
+    most = MOST_PER_PERIOD * wanted.rate
+    if least > most:
+        return (
+            f'{asked} is too short for rate = {wanted.rate:g} Hz: the observer needs 3 wc = '
+            f'{least:.4g} rad/s, and 0.3 rate = {most:.4g} rad/s is the most'
+        )
+    wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
+    design = make_design(settings_of(wanted, 'conventional', 1, wc, SLOWEST * wc))
+    if not robust_enough(design, wanted):
+        bears = margins(design, chain(wanted.order, wanted.b0), wanted.period).delay
+        return (
+            f'{asked} is too short for delay = {wanted.delay:g} s: such a loop bears '
+            f'{bears:.3g} s, and half of that at most should be used up'
+        )
+    if not quiet_enough(design, wanted):
+        least = noise_gain(design, wanted) * wanted.noise_std
+        budget = f'command_noise = {wanted.command_noise:g}'
+        if wanted.command_noise != noise_budget(wanted):
+            budget = f'command_limit = {wanted.command_limit:g}, of which noise may take a third,'
+        return (
+            f'{budget} cannot be kept with {asked} and noise_std = {wanted.noise_std:g}: an '
+            f'observer of 3 wc already causes a standard deviation of {least:.3g}'
+        )
+    return ''
+
+
+def _slower(wanted: Requirements) -> str:
+    """Return the shortest settling time without a conflict, in words, rounded up."""
+
+    def fails(settling: float) -> bool:
+        return bool(_conflict(attrs.evolve(wanted, settling_time=settling)))
+
+    low = wanted.settling_time
+    high = low * LONGEST
+    if fails(high):
+        return f'no settling time up to {high:g} s'
+    shortest = largest(fails, low, high)
+    digit = 10.0 ** (floor(log10(shortest)) - 2)
+    return f'a settling time of at least {ceil(shortest / digit * (1.0 + 1e-9)) * digit:.4g} s'

@@ -1,0 +1,73 @@
+"""What a control engineer knows before there is a controller."""
+
+from __future__ import annotations
+
+import attrs
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import choice, flag, integer, number
+from nadrc_ros.adrc.settings import MAX_LEVELS
+from nadrc_ros.adrc.structures import STRUCTURES
+
+# The theory is linear: it takes the nonlinear structure for the nested one.
+LINEAR = tuple(name for name, structure in STRUCTURES.items() if not structure.nonlinear)
+
+
+class Conflict(UserError):
+    """Requirements that exclude each other; the message says what would be possible."""
+
+
+@attrs.frozen(kw_only=True)
+class Requirements:
+    """
+    Requirements of one loop, validated at construction.
+
+    Raises
+    ------
+    SettingError
+        For a wrong type or a value out of range.
+
+    """
+
+    order: int = integer(2, 1, 5, 'order n of the plant: y^(n) = b0 u + total disturbance')
+    b0: float = number(
+        1.0, -1e6, 1e6, 'y^(n) per unit command', 'input gain of the plant', nonzero=True
+    )
+    settling_time: float = number(
+        1.0, 1e-5, 1e5, 's', 'time after which a step of the reference is followed within 2 %'
+    )
+    rate: float = number(200.0, 1.0, 1e5, 'Hz', 'control periods per second')
+    noise_std: float = number(
+        0.0, 0.0, 1e3, 'output unit', 'standard deviation of the measurement noise, one sample'
+    )
+    command_noise: float = number(
+        0.0,
+        0.0,
+        1e9,
+        'command unit',
+        'largest standard deviation of the command that the noise may cause; 0 = no such limit',
+    )
+    delay: float = number(
+        0.0, 0.0, 1e3, 's', 'dead time of the loop beyond the sampling: sensor, bus, actuator'
+    )
+    disturbance: float = number(
+        1.0, 0.0, 1e9, 'unit of y^(n)', 'size of the disturbance to expect'
+    )
+    disturbance_frequency: float = number(
+        0.0, 0.0, 1e5, 'rad/s', 'highest frequency of the disturbance; 0 = a step'
+    )
+    reference_step: float = number(1.0, -1e6, 1e6, 'output unit', 'step of the reference')
+    command_limit: float = number(
+        100.0, 1e-9, 1e9, 'command unit', 'largest command, of either sign'
+    )
+    structure: str = choice(
+        'advised', ('advised', *LINEAR), 'observer; advised = one or nested, what rejects best'
+    )
+    levels: int = integer(
+        0, 0, MAX_LEVELS, 'levels of a nested or cascade observer; 0 = advised, 2 for a cascade'
+    )
+    half_gain: bool = flag(False, 'let half of the observer gains act (half-gain tuning)')
+
+    @property
+    def period(self) -> float:
+        """Sample period h [s]."""
+        return 1.0 / self.rate

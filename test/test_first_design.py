@@ -1,0 +1,228 @@
+"""A first design does what was asked for, measured in simulation and by python-control."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+import attrs
+import control
+from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.theory.loop import chain
+from nadrc_ros.adrc.theory.system import pick
+from nadrc_ros.adrc.theory.transfer import controller
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.simulation.experiment import Result, simulate
+from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.tuning.advice import WORTH
+from nadrc_ros.tuning.bandwidths import BAND, readable, settling_factor
+from nadrc_ros.tuning.candidates import better_below, Candidate, candidates
+from nadrc_ros.tuning.first_design import first_design, FirstDesign
+from nadrc_ros.tuning.limits import check, noise_budget
+from nadrc_ros.tuning.prediction import curves
+from nadrc_ros.tuning.requirements import Conflict, LINEAR, Requirements
+from nadrc_ros.tuning.responses import settling_time, step_response
+import numpy as np
+import pytest
+
+H = 0.002
+USUAL = Requirements(settling_time=0.5, rate=500.0, noise_std=0.001)
+
+
+def wanted(**values: Any) -> Requirements:
+    return attrs.evolve(USUAL, command_limit=1e6, **values)
+
+
+def run(design: FirstDesign, candidate: Candidate, **changes: Any) -> Result:
+    """Run a candidate in the experiment of the design, in plain Python."""
+    scenario: Scenario = attrs.evolve(design.scenario, **changes)
+    return simulate(scenario.experiment(), candidate.settings, compiled=False)
+
+
+@pytest.mark.parametrize('settling', (0.12, 0.5, 3.0))
+@pytest.mark.parametrize('n', (1, 2, 3, 4, 5))
+def test_a_step_settles_in_the_time_asked_for(n: int, settling: float) -> None:
+    """Of the real law on its nominal plant, without noise; 0.12 s is near the shortest for it."""
+    settling = max(settling, 1.001 * settling_factor(n) * 10.0 * H)
+    asked = wanted(order=n, settling_time=settling, noise_std=0.0, disturbance=0.0)
+    design = first_design(asked)
+    result = run(design, design.chosen)
+    start = design.scenario.reference.values['start_time']
+    step = result.output[result.time >= start - 1e-9]
+    first = result.time[len(result.time) - len(step)]
+    measured = settling_time(step, asked.period, BAND) + first - start
+    assert measured == pytest.approx(settling, rel=0.02)
+    assert design.chosen.prediction.settling_time == pytest.approx(settling, rel=0.02)
+
+
+@pytest.mark.parametrize('n', (1, 2, 3, 4, 5))
+def test_the_settling_factor_solves_the_step_response(n: int) -> None:
+    s = control.tf([1], np.poly([-1.0] * n))
+    (left,) = 1.0 - control.step_response(s, T=[0.0, settling_factor(n)]).outputs[1:]
+    assert left == pytest.approx(0.02, abs=1e-6)
+
+
+CASES: tuple[dict[str, Any], ...] = (
+    {'order': 1},
+    {'disturbance_frequency': 8.0, 'b0': -3.0},
+    {'half_gain': True},
+    {'delay': 0.008},
+    {'structure': 'cascade', 'levels': 3},
+    {'order': 3, 'structure': 'generalized'},
+)
+
+
+@pytest.mark.parametrize('values', CASES)
+def test_margins_equal_those_of_python_control(values: dict[str, Any]) -> None:
+    """The plant sampled by python-control, the delay as z^-4, the loop closed by it too."""
+    asked = wanted(**values)
+    n, omega = asked.order, np.geomspace(0.1, np.pi / H, 20_000)
+    plant = control.c2d(control.ss(*chain(n, asked.b0)[:4]), H)
+    late = control.tf([1.0], [1.0] + [0.0] * round(asked.delay / H), H)
+    for candidate in candidates(asked):
+        found = candidate.prediction.margins
+        law = control.ss(*pick(controller(make_design(candidate.settings), H), [0], [0]))
+        values_of = [system(np.exp(1j * omega * H)) for system in (plant, late, law)]
+        loop = control.frd(-np.prod(values_of, axis=0), omega)
+        gains, phases, modulus, *_ = control.stability_margins(loop, returnall=True)
+        assert min(gains[gains > 1.0]) == pytest.approx(found.gain_high, rel=1e-3)
+        if found.gain_low > 0.0:
+            assert max(gains[gains < 1.0]) == pytest.approx(found.gain_low, rel=1e-3)
+        assert min(abs(phases)) == pytest.approx(degrees(found.phase), rel=1e-3)
+        assert min(modulus) == pytest.approx(found.modulus, rel=1e-3)
+
+
+@pytest.mark.parametrize('values', ({'order': 1}, {'structure': 'nested'}, {'half_gain': True}))
+def test_the_command_is_as_noisy_as_predicted(values: dict[str, Any]) -> None:
+    """The sample variance of blocks, within four of its standard errors; at rest otherwise."""
+    design = first_design(wanted(**values, disturbance=0.0, reference_step=0.0))
+    result = run(design, design.chosen, duration=40.0, noise=Noise(variance=1e-6, seed=3))
+    blocks = np.square(result.command[500:]).reshape(-1, 500).mean(axis=1)
+    error = blocks.std() / len(blocks) ** 0.5
+    predicted = design.chosen.prediction.command_noise**2
+    assert abs(blocks.mean() - predicted) < 4.0 * error < 0.2 * predicted
+
+
+def test_the_error_under_the_disturbance_is_as_predicted() -> None:
+    """The amplitude left of a sine below the peak of the response, and the area under a step."""
+    for frequency in (0.0, 6.0):
+        asked = wanted(noise_std=0.0, disturbance_frequency=frequency, disturbance=20.0, b0=2.0)
+        design = first_design(attrs.evolve(asked, reference_step=0.0))
+        found = run(design, design.candidates[0], duration=8.0).output
+        measured = np.abs(found[-1500:]).max() if frequency else np.abs(found).sum() * H
+        assert measured == pytest.approx(design.candidates[0].prediction.error, rel=0.02)
+
+
+def test_noise_adds_the_variance_of_the_command_to_the_isu() -> None:
+    design = first_design(wanted())
+    expected = design.expected[design.chosen.name]
+    assert expected.isu == pytest.approx(expected.still_isu + expected.noise_isu, rel=0.05)
+    runs = [
+        run(design, design.chosen, noise=Noise(variance=1e-6, seed=seed)).metrics.isu
+        for seed in range(8)
+    ]
+    error = np.std(runs) / len(runs) ** 0.5
+    assert abs(np.mean(runs) - expected.still_isu - expected.noise_isu) < 4.0 * error
+
+
+def test_all_candidates_are_equally_noisy_and_within_the_budget() -> None:
+    asked = wanted(command_noise=0.8)
+    found = candidates(asked)
+    assert [c.name for c in found] == ['conventional', 'nested_2', 'nested_3']
+    noise = [c.prediction.command_noise for c in found]
+    assert noise == pytest.approx([0.8] * 3, rel=3e-3)
+    assert max(noise) <= noise_budget(asked)
+    assert found[0].decided_by == 'the limit of the command noise'
+
+
+def test_the_advice_follows_the_disturbance() -> None:
+    for frequency, chosen in ((0.0, 'nested_2'), (8.0, 'nested_3'), (25.0, 'conventional')):
+        design = first_design(wanted(disturbance_frequency=frequency))
+        assert design.chosen.name == chosen
+        share = design.chosen.prediction.error / design.candidates[0].prediction.error
+        assert chosen == 'conventional' or share < WORTH
+        named = {'nested_2': 'two nested', 'nested_3': 'three nested', 'conventional': 'one'}
+        assert design.advice.startswith(f'Take {named[chosen]} observer')
+
+
+def test_what_was_asked_for_is_taken_whatever_the_advice() -> None:
+    for structure in LINEAR:
+        design = first_design(wanted(structure=structure, disturbance_frequency=25.0))
+        assert design.chosen.settings.structure == structure
+        assert design.advice.startswith('Take one observer')
+    assert first_design(wanted(levels=4)).chosen.name == 'nested_4'
+
+
+def test_more_observers_are_better_below_the_frequency_named() -> None:
+    asked = wanted()
+    one, two, three = candidates(asked)
+    for more in (two, three):
+        edge = better_below(asked, one, more)
+        for share in (0.7, 0.95, 1.05, 1.3):
+            omega = np.array([share * edge])
+            left = [curves(c.settings, asked, omega).disturbance_to_output[0] for c in (one, more)]
+            assert (left[1] < left[0]) == (share < 1.0)
+
+
+def test_half_gain_is_quieter_at_the_same_bandwidth_and_rejects_as_well() -> None:
+    full, half = (candidates(wanted(half_gain=flag))[0] for flag in (False, True))
+    assert half.settings.inner_bandwidth == full.settings.inner_bandwidth
+    assert half.prediction.command_noise < 0.75 * full.prediction.command_noise
+    assert half.prediction.error == pytest.approx(full.prediction.error, rel=0.02)
+    assert half.prediction.margins.gain_high < 0.7 * full.prediction.margins.gain_high
+
+
+REFUSED: tuple[tuple[dict[str, Any], tuple[str, ...]], ...] = (
+    ({'settling_time': 0.01}, ('settling_time = 0.01 s', 'rate = 500 Hz', '150 rad/s')),
+    ({'command_noise': 0.01}, ('command_noise = 0.01', 'noise_std = 0.001')),
+    ({'delay': 0.05}, ('delay = 0.05 s', 'bears 0.0276 s')),
+    ({'order': 4, 'delay': 0.05, 'command_noise': 0.1}, ('delay = 0.05 s',)),
+)
+
+
+@pytest.mark.parametrize(('values', 'words'), REFUSED)
+def test_a_conflict_is_named_and_what_it_says_is_possible_is(
+    values: dict[str, Any], words: tuple[str, ...]
+) -> None:
+    asked = wanted(**values)
+    with pytest.raises(Conflict) as caught:
+        check(asked)
+    message = str(caught.value)
+    assert all(word in message for word in words) and message.count('possible: ') == 1
+    possible = float(message.split('at least ')[-1].removesuffix(' s'))
+    check(attrs.evolve(asked, settling_time=possible))
+    with pytest.raises(Conflict):
+        check(attrs.evolve(asked, settling_time=0.98 * possible))
+
+
+def test_noise_that_would_fill_the_range_of_the_command_is_refused() -> None:
+    with pytest.raises(Conflict, match='command_limit = 1, of which noise may take a third'):
+        check(attrs.evolve(USUAL, command_limit=1.0))
+
+
+def test_a_delay_that_fits_is_in_the_experiment_and_the_loop_is_stable() -> None:
+    design = first_design(wanted(delay=0.006, noise_std=0.0))
+    result = run(design, design.chosen)
+    assert result.status_counts['no_measurement'] == 3
+    assert abs(result.output[-1]) - 1.0 == pytest.approx(0.0, abs=0.02)
+    with pytest.raises(Conflict, match='too fast for rate'):
+        candidates(wanted(delay=0.0135, structure='nested', levels=3))
+
+
+def test_numbers_for_people() -> None:
+    assert [readable(x) for x in (58.33921, 0.0123456, 42.0, 99999.0)] == [
+        58.33,
+        0.01234,
+        42.0,
+        99990.0,
+    ]
+    with pytest.raises(ValueError):
+        step_response(chain(2, 1.0))
+
+
+def test_the_document_holds_settings_that_load() -> None:
+    document = first_design(wanted(order=3)).document()
+    for candidate in document['candidates'].values():
+        ControllerSettings(**candidate['settings'])
+    assert document['pid'] is None and document['chosen'] in document['candidates']
