@@ -11,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.report.bode import Loop
+    from nadrc_ros.tuning.experiment import Expected
     from nadrc_ros.tuning.first_design import FirstDesign
 
 ASKED = declared(Requirements)
@@ -61,12 +62,13 @@ def design(
         from nadrc_ros.tuning.first_design import first_design
 
         found = first_design(build(Requirements, values))
-        _print(found)
+        expected = found.expected()
+        _print(found, expected)
         if out is not None:
-            _write(out, found)
+            _write(out, found, expected)
 
 
-def _print(found: 'FirstDesign') -> None:
+def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
     from nadrc_ros.cli.table import console
     from rich.table import Table
     from rich.text import Text
@@ -83,7 +85,7 @@ def _print(found: 'FirstDesign') -> None:
             Text(candidate.name + (' *' if chosen else ''), 'bold' if chosen else ''),
             justify='right',
         )
-    for label, meaning, cells in _rows(found):
+    for label, meaning, cells in _rows(found, expected):
         table.add_row(label, Text(meaning, 'dim'), *cells)
     screen.print(table)
     screen.print(Text(found.advice, 'bold'))
@@ -97,7 +99,9 @@ def _print(found: 'FirstDesign') -> None:
         )
 
 
-def _rows(found: 'FirstDesign') -> 'list[tuple[str, str, list[str]]]':
+def _rows(
+    found: 'FirstDesign', expected: 'dict[str, Expected]'
+) -> 'list[tuple[str, str, list[str]]]':
     from math import degrees
 
     from nadrc_ros.adrc.design import bandwidths
@@ -106,7 +110,7 @@ def _rows(found: 'FirstDesign') -> 'list[tuple[str, str, list[str]]]':
     all_of = found.candidates
     predicted = [c.prediction for c in all_of]
     margins = [p.margins for p in predicted]
-    expected = [found.expected[c.name] for c in all_of]
+    runs = [expected[c.name] for c in all_of]
     sine = wanted.disturbance_frequency > 0.0
     left = (
         f'largest up to {wanted.disturbance_frequency:g} rad/s'
@@ -131,13 +135,13 @@ def _rows(found: 'FirstDesign') -> 'list[tuple[str, str, list[str]]]':
         ('phase', 'margin [degrees]', [f'{degrees(m.phase):.0f}' for m in margins]),
         ('delay', 'margin [ms]', [f'{1e3 * m.delay:.3g}' for m in margins]),
         ('modulus', 'distance of L from -1', [f'{m.modulus:.2f}' for m in margins]),
-        ('ITAE', 'of a step, then the disturbance', [f'{e.itae:.3g}' for e in expected]),
+        ('ITAE', 'of a step, then the disturbance', [f'{e.itae:.3g}' for e in runs]),
         (
             'ISU',
             'without noise + by noise',
-            [f'{e.still_isu:.3g} + {e.noise_isu:.3g}' for e in expected],
+            [f'{e.still_isu:.3g} + {e.noise_isu:.3g}' for e in runs],
         ),
-        ('saturated', 'share of the time', [f'{100.0 * e.saturated:.1f} %' for e in expected]),
+        ('saturated', 'share of the time', [f'{100.0 * e.saturated:.1f} %' for e in runs]),
     ]
 
 
@@ -159,7 +163,7 @@ def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
     return loops
 
 
-def _write(out: Path, found: 'FirstDesign') -> None:
+def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
     from nadrc_ros.report.bode import draw_bode
     from nadrc_ros.report.figure import render
     from nadrc_ros.scenario import dump
@@ -176,5 +180,5 @@ def _write(out: Path, found: 'FirstDesign') -> None:
     write_whole(out / 'design.yaml', parameter_text({ANY_CONTROLLER: parameters}).encode())
     write_whole(out / 'scenario.yaml', dump(found.scenario).encode())
     write_whole(out / 'bode.png', render(figure, 'png'))
-    write_json(out / 'design.json', found.document())
+    write_json(out / 'design.json', found.document(expected))
     typer.echo(f'{out}: design.yaml, scenario.yaml, bode.png, design.json')

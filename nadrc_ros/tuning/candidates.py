@@ -9,6 +9,7 @@ import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
+from nadrc_ros.adrc.theory.system import Array
 from nadrc_ros.tuning.bandwidths import (
     controller_bandwidth,
     FASTEST,
@@ -21,6 +22,7 @@ from nadrc_ros.tuning.limits import check, largest, LIMITS, MOST_PER_PERIOD, noi
 from nadrc_ros.tuning.prediction import nominal_loop, predict, Prediction, rejection
 from nadrc_ros.tuning.requirements import Conflict, Requirements
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize
 
 # Nested levels that are compared; a fourth gains nothing at equal noise.
@@ -142,14 +144,14 @@ def better_below(wanted: Requirements, one: Candidate, more: Candidate) -> float
     """Return the frequency [rad/s] above which ``more`` first leaves more than ``one``; or inf."""
     loops = [nominal_loop(make_design(c.settings), wanted) for c in (one, more)]
 
-    def worse(x: float) -> float:
-        pair = [float(rejection(loop, wanted, np.exp(x))) for loop in loops]
-        return float(np.log(pair[1] / pair[0]))
+    def worse(x: ArrayLike) -> Array:
+        one_left, more_left = (rejection(loop, wanted, np.exp(x)) for loop in loops)
+        return np.log(more_left / one_left)
 
     wc = one.settings.controller_bandwidth
-    grid = np.linspace(np.log(1e-2 * wc), np.log(np.pi * wanted.rate), 200)
-    signs = np.array([worse(x) for x in grid]) >= 0.0
+    grid = np.linspace(np.log(1e-2 * wc), np.log(0.99 * np.pi * wanted.rate), 200)
+    signs = worse(grid) >= 0.0
     if signs[0] or not signs.any():
         return 0.0 if signs[0] else inf
     i = int(np.argmax(signs))
-    return float(np.exp(optimize.brentq(worse, grid[i - 1], grid[i])))
+    return float(np.exp(optimize.brentq(lambda x: float(worse(x)), grid[i - 1], grid[i])))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf
 from typing import Any
 
@@ -26,7 +27,6 @@ class FirstDesign:
     chosen: Candidate
     advice: str
     scenario: Scenario
-    expected: dict[str, Expected]
 
     @property
     def title(self) -> str:
@@ -66,20 +66,24 @@ class FirstDesign:
             return None
         return equivalent_pid(make_design(self.candidates[0].settings))
 
-    def document(self) -> dict[str, Any]:
+    def expected(self) -> dict[str, Expected]:
+        """Run the experiment; return the figures of merit of each candidate by name."""
+        return {c.name: expect(self.scenario, c) for c in self.candidates}
+
+    def document(self, expected: Mapping[str, Expected]) -> dict[str, Any]:
         """Return everything as plain data; None is for what is infinite, or not there."""
         return {
             'requirements': attrs.asdict(self.wanted),
             'rules': self.rules,
             'advice': self.advice,
             'chosen': self.chosen.name,
-            'pid': None if self.pid is None else _plain(self.pid._asdict()),
+            'pid': None if self.pid is None else _plain(self.pid),
             'candidates': {
                 c.name: {
                     'settings': attrs.asdict(c.settings),
                     'bandwidths': bandwidths(c.settings, c.levels),
-                    'predicted': _plain(c.prediction._asdict()),
-                    'expected': _plain(self.expected[c.name]._asdict()),
+                    'predicted': _plain(c.prediction),
+                    'expected': _plain(expected[c.name]),
                 }
                 for c in self.candidates
             },
@@ -100,14 +104,12 @@ def first_design(wanted: Requirements) -> FirstDesign:
     best = advised(found)
     named = {(c.settings.structure, c.levels): c for c in found}
     chosen = next((named[key] for key in asked(wanted)), best)
-    scenario = experiment(wanted, sorted(found, key=lambda c: c is not chosen))
     return FirstDesign(
         wanted=wanted,
         candidates=tuple(found),
         chosen=chosen,
         advice=advice(wanted, found, best),
-        scenario=scenario,
-        expected={c.name: expect(scenario, c) for c in found},
+        scenario=experiment(wanted, sorted(found, key=lambda c: c is not chosen)),
     )
 
 

@@ -22,7 +22,7 @@ MOST_PER_PERIOD = 0.3
 DELAY_SHARE = 0.5
 DEVIATIONS = 3.0
 LONGEST = 1e3  # times the settling time asked for, up to which a possible one is sought
-BISECTIONS = 40
+BISECTIONS = 25
 
 Test = Callable[[Design, Requirements], bool]
 

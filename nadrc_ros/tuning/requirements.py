@@ -50,7 +50,7 @@ class Requirements:
         0.0, 0.0, 1e3, 's', 'dead time of the loop beyond the sampling: sensor, bus, actuator'
     )
     disturbance: float = number(
-        1.0, 0.0, 1e9, 'unit of y^(n)', 'size of the disturbance to expect'
+        1.0, 1e-9, 1e9, 'unit of y^(n)', 'size of the disturbance to expect'
     )
     disturbance_frequency: float = number(
         0.0, 0.0, 1e5, 'rad/s', 'highest frequency of the disturbance; 0 = a step'
