@@ -18,12 +18,15 @@ from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import disturbance_fields, fault_fields, noise_fields
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.signals import signal_fields
+from nadrc_ros.tuning.limits import check
+from nadrc_ros.tuning.requirements import Conflict, Requirements
 import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
 SAFETY = (ROOT / 'docs' / 'safety.md').read_text(encoding='utf-8')
+CHOOSING = (ROOT / 'docs' / 'choosing.md').read_text(encoding='utf-8')
 BLOCKS = re.findall(r'```(\w+)\n(.*?)```', README + SAFETY, re.DOTALL)
 BASH = [
     line.split('  #')[0] for kind, text in BLOCKS if kind == 'bash' for line in text.splitlines()
@@ -66,6 +69,17 @@ def test_the_nadrc_commands_run(command: str, tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert any(tmp_path.rglob('*.png')) and any(tmp_path.rglob('*.json'))
+
+
+def test_the_commands_of_choosing_run_and_say_what_the_page_says(tmp_path: Path) -> None:
+    (block,) = re.findall(r'```bash\n(.*?)```', CHOOSING, re.DOTALL)
+    for line in block.splitlines():
+        test_the_nadrc_commands_run(line, tmp_path)
+    assert (tmp_path / 'mine' / 'run.png').exists()
+    (message,) = re.findall(r'\*(settling_time = .*?)\*', CHOOSING, re.DOTALL)
+    with pytest.raises(Conflict) as refused:
+        check(Requirements(settling_time=0.01, rate=500.0))
+    assert str(refused.value) == ' '.join(message.split())
 
 
 @pytest.mark.parametrize('command', NODES)

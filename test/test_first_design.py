@@ -215,6 +215,12 @@ def test_a_delay_that_fits_is_in_the_experiment_and_the_loop_is_stable() -> None
         candidates(wanted(delay=0.0135, structure='nested', levels=3))
 
 
+def test_a_step_that_saturates_the_command_is_warned_of() -> None:
+    asked = Requirements(settling_time=0.5, rate=500.0, reference_step=0.5, b0=0.5)
+    assert 'command of 136.2, more than command_limit = 100' in first_design(asked).warning
+    assert not first_design(attrs.evolve(asked, reference_step=0.3)).warning
+
+
 def test_numbers_for_people() -> None:
     assert [readable(x) for x in (58.33921, 0.0123456, 42.0, 99999.0)] == [
         58.33,

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.fields import declared
-from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.failure import complain, reporting
 from nadrc_ros.tuning.requirements import Requirements
 import typer
 
@@ -64,6 +64,8 @@ def design(
         found = first_design(build(Requirements, values))
         expected = found.expected()
         _print(found, expected)
+        if found.warning:
+            complain(found.warning)
         if out is not None:
             _write(out, found, expected)
 
@@ -75,7 +77,7 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
 
     screen = console()
     screen.print(Text(found.title, 'bold'))
-    screen.print(Text('\n'.join(found.rules)))
+    screen.print(Text('\n'.join(found.rules)), soft_wrap=True)
     table = Table(box=None, pad_edge=False)
     for heading in ('', ''):
         table.add_column(heading)
@@ -88,7 +90,7 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
     for label, meaning, cells in _rows(found, expected):
         table.add_row(label, Text(meaning, 'dim'), *cells)
     screen.print(table)
-    screen.print(Text(found.advice, 'bold'))
+    screen.print(Text(found.advice, 'bold'), soft_wrap=True)
     pid = found.pid
     if pid is not None:
         kind = 'PI' if found.wanted.order == 1 else 'PID'
@@ -136,11 +138,8 @@ def _rows(
         ('delay', 'margin [ms]', [f'{1e3 * m.delay:.3g}' for m in margins]),
         ('modulus', 'distance of L from -1', [f'{m.modulus:.2f}' for m in margins]),
         ('ITAE', 'of a step, then the disturbance', [f'{e.itae:.3g}' for e in runs]),
-        (
-            'ISU',
-            'without noise + by noise',
-            [f'{e.still_isu:.3g} + {e.noise_isu:.3g}' for e in runs],
-        ),
+        ('ISU', 'of the same run', [f'{e.isu:.3g}' for e in runs]),
+        ('', 'of it by noise, on average', [f'{e.noise_isu:.3g}' for e in runs]),
         ('saturated', 'share of the time', [f'{100.0 * e.saturated:.1f} %' for e in runs]),
     ]
 

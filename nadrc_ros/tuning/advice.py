@@ -34,11 +34,13 @@ def advice(wanted: Requirements, found: Sequence[Candidate], best: Candidate) ->
         return 'Take one observer: at its noise this rate and delay allow no nested ones.'
     if best is one:
         leave = ' and '.join(f'{WORDS[c.levels]} leave {_share(c, one)}' for c in nested)
+        near = nested[0].prediction.margins.modulus
+        why = 'which is too little for the margins lost'
+        if near < NEAREST:
+            why = f'but come too near to instability (modulus {near:.2f}, wanted {NEAREST:g})'
         return (
             f'Take one observer: at the same noise of the command {leave} of its error under '
-            f'{under}, too little for the margins lost (modulus '
-            f'{nested[0].prediction.margins.modulus:.2f} instead of '
-            f'{one.prediction.margins.modulus:.2f}).{_limit(wanted, one, nested[0])}'
+            f'{under}, {why}.{_limit(wanted, one, nested[0])}'
         )
     others = ', '.join(f'{WORDS[c.levels]} {_share(c, one)}' for c in nested if c is not best)
     return (

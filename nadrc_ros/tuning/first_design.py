@@ -60,6 +60,20 @@ class FirstDesign:
         return rules
 
     @property
+    def warning(self) -> str:
+        """Say that the step of the reference saturates the command, nothing if it does not."""
+        wanted, gain = self.wanted, make_design(self.chosen.settings).feedback_gains[0]
+        peak = gain * abs(wanted.reference_step / wanted.b0)
+        if peak <= wanted.command_limit:
+            return ''
+        return (
+            f'a step of {wanted.reference_step:g} asks for a command of {peak:.4g}, more than '
+            f'command_limit = {wanted.command_limit:g}: it settles later, or not at all for order '
+            f'3 and more; use steps up to {wanted.command_limit / peak:.3g} of that, or a smooth '
+            'reference'
+        )
+
+    @property
     def pid(self) -> FilteredPID | None:
         """The filtered PI or PID controller that one observer is, for orders 1 and 2."""
         if self.wanted.order > 2:
@@ -76,6 +90,7 @@ class FirstDesign:
             'requirements': attrs.asdict(self.wanted),
             'rules': self.rules,
             'advice': self.advice,
+            'warning': self.warning,
             'chosen': self.chosen.name,
             'pid': None if self.pid is None else _plain(self.pid),
             'candidates': {
