@@ -115,13 +115,16 @@ def _mark_gains(axis: Any, loop: Loop) -> None:
     for omega, size in critical(loop):
         if any(abs(size * factor - 1.0) < 0.02 for factor in loop.gains):
             axis.plot([omega, omega], [size, 1.0], color=INK, marker='.', linewidth=1.3, zorder=5)
-            text = f'gain × {1.0 / size:.3g}'
+            right = size < 1.0  # where the curve is not
             axis.annotate(
-                text,
-                (omega, (size) ** 0.5),
-                xytext=(5, 0),
+                f'gain × {1.0 / size:.3g}',
+                (omega, size**0.5),
+                xytext=(6 if right else -6, 0),
                 textcoords='offset points',
+                ha='left' if right else 'right',
                 va='center',
+                bbox=PAPER,
+                zorder=6,
             )
 
 
