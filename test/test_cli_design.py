@@ -72,7 +72,7 @@ def test_the_picture_marks_the_margins() -> None:
     """Of L = 4 / (s (s + 1)^2): it is -2 at 1 rad/s, so unstable by a factor of two."""
     omega = np.geomspace(0.1, 10.0, 400)
     loop = np.asarray(4.0 / (1j * omega * (1j * omega + 1.0) ** 2), dtype=np.complex128)
-    drawn = Loop(omega, abs(loop), abs(loop), loop, 1.36, 0.5, (0.0, 0.5))
+    drawn = Loop(omega, np.abs(loop), np.abs(loop), loop, 1.36, 0.5, (0.0, 0.5))
     ((frequency, size),) = critical(drawn)
     assert (frequency, size) == pytest.approx((1.0, 2.0), rel=1e-3)
     assert unwrapped(drawn)[0] == pytest.approx(-101.4, abs=0.1)
