@@ -44,6 +44,10 @@ def loop(make: Make, plant: dict[str, Any], **settings: Any) -> tuple[Probe, Any
     return probe, probe.add(ControllerNode()), probe.add(PlantNode())
 
 
+def passes(count: Callable[[], int], last: int) -> Callable[[], bool]:
+    return lambda: count() > last
+
+
 def estimates(node: Any) -> list[Any]:
     state = node.controller.state
     return [state.levels, state.profile, state.offset]
@@ -71,10 +75,14 @@ def test_time_goes_on_for_plant_and_reference_while_their_process_stands_still(
     probe = make_probe(parameters={'plant': PLANT | own, 'reference': own})
     plant, reference = probe.add(PlantNode()), probe.add(ReferenceNode())
     probe.wait_until(lambda: plant.process.k > 2 and reference.k > 2)
-    for node, k in ((plant, lambda: plant.process.k), (reference, lambda: reference.k)):
+    times: list[tuple[Any, Callable[[], int]]] = [
+        (plant, lambda: plant.process.k),
+        (reference, lambda: reference.k),
+    ]
+    for node, k in times:
         first, begin = k(), node.ticker._last
         time.sleep(0.255)  # a stall
-        probe.wait_until(lambda k=k, first=first: k() > first + 60)
+        probe.wait_until(passes(k, first + 60))
         elapsed = (node.ticker._last - begin) * 1e-9 * RATE
         assert k() - first == pytest.approx(elapsed, abs=2.0)
         assert node.ticker.missed >= 20
