@@ -134,6 +134,17 @@ def test_the_pendulum_hangs_at_zero_and_keeps_its_energy() -> None:
     assert 0.5 * rate * rate - 9.81 * cos(angle) == pytest.approx(-9.81 * cos(2.0), abs=1e-8)
 
 
+def test_the_oven_keeps_its_heat_balance() -> None:
+    oven = make_plant('thermal', {})
+    assert slope(oven, 0.0, [80.0, 150.0], 0.0, 0.0) == [0.0, -150.0 / 8.0]
+    assert slope(oven, 0.0, [20.0, 0.0], 0.0, -0.3)[0] == -0.3
+    full = run(oven, [20.0, 0.0], 100.0, 9000.0, 3000)
+    assert full == pytest.approx([20.0 + 500.0 / 2.5, 500.0], rel=1e-6)
+    assert total_disturbance(oven, oven.b0, 0.0, [20.0, 200.0], 40.0, 0.0, [0.0, 0.0]) == (
+        pytest.approx(0.0, abs=1e-12)
+    )
+
+
 def test_every_coefficient_matters() -> None:
     for name, cls in PLANTS.items():
         base = make_plant(name, {})

@@ -25,7 +25,8 @@ from nadrc_ros.simulation.plants import PLANTS
 import numpy as np
 import pytest
 
-# Long enough to have settled, and to see that.
+# A run of so many periods is simulated to its end, of a longer one the first seconds.
+WHOLE = 10_000
 ENOUGH = 5.0
 CONFIG = sorted((Path(__file__).parents[1] / 'config').glob('*.yaml'))
 
@@ -335,11 +336,14 @@ def test_the_shipped_scenarios_are_those_of_the_source_tree() -> None:
 def test_a_shipped_scenario_runs_well(path: Path) -> None:
     scenario = load(path)
     assert loads(dump(scenario)) == scenario
-    scenario = scenario.changed(duration=min(scenario.duration, ENOUGH))
-    for name in scenario.controllers:
+    if scenario.experiment().steps > WHOLE:
+        scenario = scenario.changed(duration=min(scenario.duration, ENOUGH))
+    for name, controller in scenario.controllers.items():
         result = scenario.run(name)
         late = result.time > 0.8 * scenario.duration
-        assert np.isfinite(result.output).all() and np.isfinite(result.command).all()
+        assert np.isfinite(result.output).all()
+        assert controller.command_min <= result.command.min()
+        assert result.command.max() <= controller.command_max
         assert all(isfinite(value) for value in result.metrics.as_dict().values())
         assert result.metrics.saturated_fraction < 0.05
         # A calibrated scenario follows the lagging profile of its tracking differentiator.

@@ -12,6 +12,7 @@ from nadrc_ros.simulation.plants.motor import MotorPosition, MotorSpeed
 from nadrc_ros.simulation.plants.paper import PaperPlant
 from nadrc_ros.simulation.plants.pendulum import Pendulum
 from nadrc_ros.simulation.plants.protocol import check_plant, Plant, total_disturbance
+from nadrc_ros.simulation.plants.thermal import Thermal
 
 __all__ = ['PLANTS', 'Plant', 'check_plant', 'make_plant', 'plant_type', 'total_disturbance']
 
@@ -21,6 +22,7 @@ PLANTS: dict[str, type[Plant]] = {
     'motor': MotorSpeed,
     'motor_position': MotorPosition,
     'pendulum': Pendulum,
+    'thermal': Thermal,
 }
 
 
