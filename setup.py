@@ -28,8 +28,9 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
-        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config', sorted(glob('config/*.*'))),
         (f'share/{NAME}/config/sweeps', sorted(glob('config/sweeps/*.yaml'))),
+        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
     ],
     zip_safe=False,
     install_requires=[

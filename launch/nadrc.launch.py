@@ -1,0 +1,80 @@
+"""
+A loop in one namespace: `ros2 launch nadrc_ros nadrc.launch.py namespace:=axis1`.
+
+An argument that is left empty leaves the matter to ``params_file``, and what that does not say to
+the defaults of the nodes. When the controller ends, so does the rest.
+"""
+
+from pathlib import Path
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from nadrc_ros.adrc.structures import STRUCTURES
+
+from launch import LaunchContext, LaunchDescription
+
+NODES = ('plant', 'reference', 'controller', 'recorder')
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Declare the arguments; the nodes follow from them."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+            DeclareLaunchArgument(
+                'nodes',
+                default_value=' '.join(NODES),
+                description='which nodes, for instance "controller recorder" on a real plant',
+            ),
+            DeclareLaunchArgument(
+                'params_file',
+                default_value='',
+                description='parameter file (YAML) of the nodes; /**/controller names one of them',
+            ),
+            DeclareLaunchArgument(
+                'structure',
+                default_value='',
+                choices=['', *STRUCTURES],
+                description='observer structure of the controller',
+            ),
+            DeclareLaunchArgument(
+                'rate', default_value='', description='periods per second of all nodes [Hz]'
+            ),
+            DeclareLaunchArgument(
+                'use_sim_time',
+                default_value='false',
+                choices=['false', 'true'],
+                description='whether all nodes take the time from /clock',
+            ),
+            OpaqueFunction(function=_nodes),
+        ]
+    )
+
+
+def _nodes(context: LaunchContext) -> list[Node]:
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    # launch would start some nodes before it misses one, and all of them without a missing file.
+    nodes, file = given('nodes').split(), given('params_file')
+    if not nodes or not set(nodes) <= set(NODES):
+        raise ValueError(f'nodes = {given("nodes")!r}: must be some of {" ".join(NODES)}')
+    if file and not Path(file).is_file():
+        raise FileNotFoundError(f'params_file = {file!r}: there is no such file')
+    everywhere = {'use_sim_time': given('use_sim_time') == 'true'}
+    if given('rate'):
+        everywhere['rate'] = float(given('rate'))  # 200 is no 200.0 for ROS
+    own = {'controller': {'structure': given('structure')} if given('structure') else {}}
+    return [
+        Node(
+            package='nadrc_ros',
+            executable=node,
+            namespace=given('namespace'),
+            name=node,
+            parameters=[*([file] if file else []), everywhere | own.get(node, {})],
+            output='screen',
+            on_exit=[Shutdown(reason='the controller ended')] if node == 'controller' else None,
+        )
+        for node in nodes
+    ]
