@@ -4,7 +4,7 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test soak bench lint build clean distclean
+.PHONY: help demo paper test soak bench docs lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
@@ -59,6 +59,12 @@ bench: build $(VENV)/bench ## compare with other controllers, write out/bench (A
 	@$(ACTIVATE)
 	for part in $(or $(ARGS),$(BENCHES)); do python -m bench.$$part; done
 
+docs: $(VENV)/docs ## build the documentation as a site in out/docs/html
+	@source $(VENV)/bin/activate
+	sphinx-build -q -W -n -c docs -d out/docs/doctrees . out/docs/html
+	python docs/check.py out/docs/html
+	echo 'open out/docs/html/index.html'
+
 lint: $(VENV)/lint ## check style and types
 	@source $(VENV)/bin/activate
 	set -x
@@ -98,16 +104,17 @@ $(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/ru
 		|| $(call fail,colcon could not build the package; its log is in log/latest_build)
 	touch $@
 
-# $(VENV)/run holds what the package needs, dev also what its tests need, lint what checks it, bench its rivals.
+# $(VENV)/run holds what the package needs, dev also what its tests need, lint what checks it, bench its rivals, docs Sphinx.
 $(VENV)/run: GROUPS := $(WHEELS)
 $(VENV)/dev: GROUPS := test speed
 $(VENV)/lint: GROUPS := lint
 $(VENV)/lint: $(VENV)/dev
 $(VENV)/bench: GROUPS := bench speed
-$(VENV)/dev $(VENV)/bench: $(VENV)/run
+$(VENV)/docs: GROUPS := docs
+$(VENV)/dev $(VENV)/bench $(VENV)/docs: $(VENV)/run
 TOOLS := 'setuptools<80' colcon-common-extensions colcon-ros
 
-$(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench: setup.py Makefile | $(VENV)/on-$(ROS)
+$(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench $(VENV)/docs: setup.py Makefile | $(VENV)/on-$(ROS)
 	@install() {
 		echo "make: installing $$1 ..."
 		shift
@@ -137,5 +144,5 @@ $(VENV)/on-$(ROS): # an environment of the other kind is replaced
 		&& $(PY) -m pip --version > /dev/null 2>&1 \
 		|| $(PYTHON) -m venv --clear $(if $(WHEELS),,--system-site-packages) $(VENV) \
 		|| $(call fail,'$(PYTHON) -m venv $(VENV)' failed)
-	rm -rf build install $(VENV)/on-* $(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench
+	rm -rf build install $(VENV)/on-* $(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench $(VENV)/docs
 	touch $@

@@ -8,6 +8,8 @@ from setuptools import find_packages, setup
 NAME = 'nadrc_ros'
 # What the benches compare with.
 RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
+# What the site in out/docs is built with.
+SITE = ['furo', 'myst-parser', 'sphinx']
 NODES = ('controller', 'plant', 'reference', 'recorder')
 
 # colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
@@ -60,10 +62,12 @@ setup(
             'pytest-xdist',
             'hypothesis',
             *RIVALS,
+            *SITE,
             'dask[distributed]',
             'pyarrow',
         ],
         'bench': RIVALS,
+        'docs': SITE,
         'lint': [
             'ruff',
             'mypy',

@@ -67,6 +67,8 @@ def shown(value: Any) -> str:
     """Return a default as a parameter file would have it."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, float) and abs(value) >= 1e6:
+        return f'{value:.1e}'
     return str(list(value)) if isinstance(value, tuple) else repr(value)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 from pathlib import Path
+import re
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,6 +16,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # What the recorder records by default is all that plant, reference and controller publish.
 TOPICS = {f'/{topic}' for topic in RecorderSettings().topics().values()}
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
 LAUNCH = ROOT / 'launch' / 'nadrc.launch.py'
 SHOWN = {'/reference', '/measurement', '/command', '/plant/output', '/plant/total_disturbance'}
 SHOWN |= {'/controller/total_disturbance', '/controller/level_2/disturbance'}
@@ -67,6 +69,16 @@ def test_foxglove_shows_topics_that_the_nodes_publish() -> None:
     assert sorted(panels(layout['layout'])) == sorted(layout['configById'])
     kinds = {name.split('!')[0] for name in layout['configById']}
     assert kinds == {'Plot', 'DiagnosticSummary', 'Parameters'}
+
+
+def test_the_namespace_that_the_readme_adds_is_added_to_every_topic() -> None:
+    (pattern, new) = re.findall(r"sed -E 's#(.*)#(.*)#g' FILE", README)[0]
+    for name in ('plotjuggler.xml', 'foxglove.json'):
+        text = (ROOT / 'config' / name).read_text(encoding='utf-8')
+        moved = re.sub(pattern, new, text)
+        for topic in SHOWN:
+            assert moved.count(f'/axis1{topic}') == text.count(topic) > 0, topic
+        assert moved.replace('/axis1', '') == text
 
 
 def test_the_launch_file_declares_its_arguments_and_starts_our_nodes() -> None:

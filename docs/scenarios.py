@@ -1,0 +1,55 @@
+"""Writes docs/scenarios.md, what is in config/, from its files: `python docs/scenarios.py`."""
+
+from __future__ import annotations
+
+from itertools import takewhile
+from pathlib import Path
+import re
+
+from nadrc_ros.scenario import load
+
+PAGE = Path(__file__).with_name('scenarios.md')
+CONFIG = PAGE.parents[1] / 'config'
+INTRODUCTION = """# Scenarios
+
+What comes with the package, made from the files by `python docs/scenarios.py`. Each runs by its
+name, offline or as ROS 2 processes:
+
+```bash
+nadrc simulate altitude --plot altitude.png --json altitude.json
+nadrc demo thermal --lockstep
+```
+
+A copy of a file is the start of a scenario of your own. The tests run every one of them and check
+that the error settles and the command stays within its limits.
+"""
+
+
+def page() -> str:
+    """Return the whole page: those of a plant first, those of the paper last."""
+    paths = sorted(CONFIG.glob('*.yaml'), key=lambda path: (path.stem.startswith('paper'), path))
+    return (
+        '\n'.join([INTRODUCTION, '| name | what | facts |', '|---|---|---|', *map(_row, paths)])
+        + '\n'
+    )
+
+
+def _row(path: Path) -> str:
+    """Return the row of one scenario; the comment that its file begins with says what it is."""
+    scenario = load(path)
+    lines = path.read_text(encoding='utf-8').splitlines()
+    comment = ' '.join(line.lstrip('# ') for line in takewhile(lambda s: s[:1] == '#', lines))
+    settings = next(iter(scenario.controllers.values()))
+    low, high = settings.command_min, settings.command_max
+    facts = (
+        f'`{scenario.plant.name}`, order {settings.plant_order}',
+        f'{scenario.rate:g} Hz, {scenario.duration:g} s',
+        'no limits' if high - low > 1e6 else f'command {low:g} to {high:g}',
+        ', '.join(scenario.controllers),
+    )
+    what = re.split(r'(?<!eq)\. ', comment)[0].rstrip('.')
+    return f'| [{path.stem}](../config/{path.name}) | {what} | {"<br>".join(facts)} |'
+
+
+if __name__ == '__main__':
+    PAGE.write_text(page(), encoding='utf-8')
