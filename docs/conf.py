@@ -31,6 +31,8 @@ autodoc_typehints_format = 'short'
 # There is no network at build time: names of other packages cannot be looked up.
 nitpick_ignore_regex = [('py:.*', r'(?!nadrc_ros).*')]
 
+smartquotes = False  # y' is a derivative
+
 html_theme = 'furo'
 html_title = f'nadrc_ros {release}'
 html_static_path = ['static']
