@@ -170,6 +170,9 @@ def _tear_down(executor: Executor, node: Node) -> None:
     Fast DDS 2.14 can lock up in that, with the GIL held, when peers go at the same moment. The
     process ends then all the same, with exit code 1: this watchdog needs no GIL.
     """
+    # Python gives a handler up on its way out, and one more signal would then end the process.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     with Path(os.devnull).open('w') as nowhere:
         faulthandler.dump_traceback_later(TEAR_DOWN_TIME, exit=True, file=nowhere)
         executor.shutdown(timeout_sec=0.0)

@@ -97,6 +97,14 @@ def test_p14_a_ramp_too_long_is_cut_short_and_further_signals_change_nothing(
     assert 'Traceback' not in controller.said
 
 
+def test_p14_signals_until_the_very_end_change_nothing(probe: Probe, start: Processes) -> None:
+    _, controller = run_loop(probe, start)
+    deadline = time.monotonic() + SLACK
+    while controller.running and time.monotonic() < deadline:
+        controller.signal(signal.SIGINT)
+    assert controller.end() == 0
+
+
 def test_p14_a_controller_that_stops_is_not_enabled_again(
     make_probe: Callable[..., Probe],
 ) -> None:
