@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import namedtuple
 from dataclasses import dataclass
 from math import cos, exp, inf, isnan, log, nan, pi, sin, sqrt, tanh
 from typing import Any
@@ -14,9 +13,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.simulation.integrate import (
     fastest_rate,
-    integrate,
     Integrator,
-    make_work,
     substeps_for,
 )
 from nadrc_ros.simulation.plants import (
@@ -26,7 +23,6 @@ from nadrc_ros.simulation.plants import (
     PLANTS,
     total_disturbance,
 )
-from nadrc_ros.simulation.plants.protocol import probe_state
 from nadrc_ros.simulation.signals import make_signal
 import pytest
 
@@ -344,35 +340,3 @@ def test_a_runaway_is_reported_and_never_raises(x: list[float]) -> None:
         out = [0.0, 0.0]
         assert not Integrator(make_plant(name, {}), NOTHING).advance(0.0, x, 1e308, 1e6, out)
         assert all(map(isnan, out))
-
-
-def record(value: Any) -> Any:
-    """Return a named tuple of the fields; one without fields has no type, hence the pad."""
-    fields = attrs.asdict(value, recurse=False)
-    make: Any = namedtuple
-    return make('record', [*fields, 'pad'])(*fields.values(), 0.0)
-
-
-@pytest.mark.parametrize('name', PLANTS)
-def test_compiled_plants_give_the_same_bits(name: str) -> None:
-    numba = pytest.importorskip('numba')
-    import numpy as np
-
-    plant, w = make_plant(name, {}), make_signal('decaying_cosine', {})
-    derivative = numba.njit(type(plant).derivative)
-    derivatives = numba.njit(type(w).derivatives)
-    step = numba.njit(integrate)
-    h, count = 0.001, substeps_for(plant, 0.001)
-    fast, x = np.array(probe_state(plant.states, 1)), probe_state(plant.states, 1)
-    new, out = np.zeros(plant.states), [0.0] * plant.states
-    plain, work = Integrator(plant, w, count), np.array(make_work(plant.states))
-    plant_record, w_record, w_now = record(plant), record(w), np.zeros(1)
-    for k in range(300):
-        u = sin(0.05 * k)
-        step(
-            derivative, plant_record, derivatives, w_record,
-            k * h, fast, u, h, count, work, w_now, new,
-        )  # fmt: skip
-        assert plain.advance(k * h, x, u, h, out)
-        assert new.tolist() == out
-        fast, new, x, out = new, fast, out, x

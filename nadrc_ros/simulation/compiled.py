@@ -89,7 +89,6 @@ def compiled_loop(
         reference: Any,
         x: Any,
         x_next: Any,
-        dx: Any,
         w: Any,
         work: Any,
         k: int,
@@ -110,7 +109,7 @@ def compiled_loop(
         first = k
         plant, reference_signal, disturbance = unowned((plant, reference_signal, disturbance))
         design, state, spare = unowned((design, state, spare))
-        r, reference, x, x_next, dx, w, work = unowned((r, reference, x, x_next, dx, w, work))
+        r, reference, x, x_next, w, work = unowned((r, reference, x, x_next, w, work))
         noise, acc, remainders, counts, rows = unowned((noise, acc, remainders, counts, rows))
         lost = isnan(x[0])
         status = 0
@@ -130,7 +129,8 @@ def compiled_loop(
                 design, state, watch, True, reference, True, measurement, command, h, h, spare
             )
             disturbances(disturbance, t, w)
-            truth = unexplained(derivative, plant, b0, t, x, u, w[0], dx) + (b0 - design.b0) * u
+            truth = unexplained(derivative, plant, b0, t, x, u, w[0], work[0])
+            truth += (b0 - design.b0) * u
             integrate(
                 derivative, plant, disturbances, disturbance, t, x, u, h, substeps, work, w, x_next
             )

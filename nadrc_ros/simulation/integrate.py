@@ -41,6 +41,7 @@ def integrate(
     """
     Write x(t + h) into ``out`` from x(t) in ``x``, with command ``u`` held over [t, t + h].
 
+    The first slope is given: who simulates a plant has it, from its total disturbance at ``t``.
     The methods are passed beside their objects, ``type(plant).derivative`` with ``plant`` and
     ``type(disturbance).derivatives`` with ``disturbance``, so that the same source compiles.
 
@@ -59,9 +60,9 @@ def integrate(
     substeps
         Number of equal Runge-Kutta steps, at least 1.
     work
-        Five rows of the length of ``x``, overwritten.
+        Five rows of the length of ``x``, the first of them dx/dt at ``t``; overwritten.
     w
-        One entry, overwritten.
+        One entry, w(t); overwritten.
     out
         The new state; never ``x`` itself.
 
@@ -75,8 +76,8 @@ def integrate(
         start = t + j * step
         middle = start + 0.5 * step
         end = t + (j + 1) * step
-        disturbances(disturbance, start, w)
-        derivative(plant, start, out, u, w[0], work[0])
+        if j > 0:  # w is that of the last end
+            derivative(plant, start, out, u, w[0], work[0])
         for i in range(size):
             stage[i] = out[i] + 0.5 * step * work[0][i]
         disturbances(disturbance, middle, w)
@@ -117,6 +118,8 @@ class Integrator:
         A plant that runs away makes ``math.sin`` and the like raise; that counts as diverged too.
         """
         try:
+            self._disturbances(self.disturbance, t, self._w)
+            self._derivative(self.plant, t, x, u, self._w[0], self._work[0])
             integrate(
                 self._derivative,
                 self.plant,

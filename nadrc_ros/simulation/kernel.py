@@ -64,7 +64,6 @@ class Kernel:
                 reference,
                 xs[0],
                 xs[1],
-                np.zeros(len(xs[0])),
                 np.zeros(1),
                 np.array(make_work(len(xs[0]))),
                 process.k,

@@ -124,7 +124,7 @@ def _sample_indices(
 ) -> npt.NDArray[np.int64]:
     """Return :func:`sample_index` of ``count`` periods from ``k`` on."""
     periods = np.arange(k, k + count)
-    if sample_time == 0.0:
+    if sample_time in (0.0, period):
         return periods
     quotient = periods * (period / sample_time)
     nearest = np.rint(quotient)
