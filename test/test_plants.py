@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import cos, exp, inf, isnan, log, nan, pi, sin, sqrt, tanh
 from typing import Any
 
-import attrs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
