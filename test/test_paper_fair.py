@@ -142,8 +142,8 @@ def short(monkeypatch: pytest.MonkeyPatch) -> Scenario:
     scenario = attrs.evolve(load_scenario(), duration=4.0)
     monkeypatch.setattr(retune, 'load_scenario', lambda: scenario)
     monkeypatch.setattr(retune, 'BUDGETS', SHORT_BUDGETS)
-    monkeypatch.setattr(retune, 'FIRST_POINTS', 128)
-    monkeypatch.setattr(retune, 'GENERATIONS', 2)
+    monkeypatch.setattr(retune, 'FIRST_POINTS', 64)
+    monkeypatch.setattr(retune, 'GENERATIONS', 1)
     return scenario
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from inspect import getmembers, isfunction
 from typing import Any
 
 from law_helpers import design_of, Observer
-from nadrc_ros.adrc import differentiator, feedback, law, observer
+from nadrc_ros.adrc.controller import tick
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.law import blank_state
+from nadrc_ros.adrc.supervisor import Watch
 from nadrc_ros.adrc.theory.equal_noise import (
     crossover,
     equal_noise_bandwidths,
@@ -25,9 +25,9 @@ from nadrc_ros.adrc.theory.noise import (
 )
 from nadrc_ros.adrc.theory.system import response, StateSpace, zero_order_hold
 from nadrc_ros.adrc.theory.transfer import residual
+from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
 import numba
-from numba.extending import register_jitable
 import numpy as np
 import pytest
 from theory_helpers import LINEAR, wide_design
@@ -39,28 +39,25 @@ SAMPLES = 1_000_000
 @pytest.fixture(scope='module')
 def compiled() -> Any:
     """The functions of the law as they are, compiled, around a chain of integrators."""
-    for module in (observer, feedback, differentiator, law):
-        for _, function in getmembers(module, isfunction):
-            if function.__module__ == module.__name__:
-                register_jitable(function)
-    step = law.step
+    share_law()
 
     @numba.njit  # type: ignore[untyped-decorator, unused-ignore]
     def run(
-        design: Any, state: Any, out: Any, a: Any, b: Any, noise: Any, disturbances: Any
+        design: Any, state: Any, out: Any, watch: Any, a: Any, b: Any, noise: Any, left: Any
     ) -> Any:
-        x, u = np.zeros(len(b)), 0.0
+        x, u, h = np.zeros(len(b)), 0.0, 0.01
         reference: Any = np.zeros(design.order + 1)
         commands = np.zeros(len(noise))
         for k in range(len(noise)):
-            u, _ = step(design, state, reference, x[0] + noise[k], u, 0.01, out)
+            y = x[0] + noise[k]
+            u, _, watch = tick(design, state, watch, True, reference, True, y, u, h, h, out)
             state, out = out, state
             x = a @ x + b * u
             commands[k] = u
             total = 0.0
             for level in state.levels:
                 total += level[design.order]
-            disturbances[k] = total
+            left[k] = total
         return commands
 
     return run
@@ -72,9 +69,8 @@ def simulate(run: Any, design: Design) -> tuple[Any, Any]:
     noise = np.random.default_rng(7).standard_normal(SAMPLES)
     state, out = (tuple_of(blank_state(design)) for _ in range(2))
     disturbances = np.zeros(SAMPLES)
-    commands = run(
-        tuple_of(design), state, out, plant.a, plant.b[:, 0].copy(), noise, disturbances
-    )
+    b = plant.b[:, 0].copy()
+    commands = run(tuple_of(design), state, out, Watch(), plant.a, b, noise, disturbances)
     return commands[2000:], disturbances[2000:]
 
 

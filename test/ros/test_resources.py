@@ -55,6 +55,6 @@ def run(leak: float, seed: int) -> list[Held]:
 
 def test_pages_and_a_jump_are_no_leak_and_little_more_is_one() -> None:
     """Of a node at 500 Hz a leak of 15 kB/min is one of half a byte per period."""
-    assert LEVEL == pytest.approx(0.961, abs=1e-3)
+    assert pytest.approx(0.961, abs=1e-3) == LEVEL
     verdicts = {leak: [growth(run(leak, seed)).leaks for seed in range(100)] for leak in (0, 15)}
     assert sum(verdicts[0]) <= 4 and all(verdicts[15])
