@@ -11,7 +11,7 @@ from typing import NamedTuple
 # the residuals of a line through it are no noise, and their size tells nothing about its slope;
 # what grew in one of these blocks and in another, however, are independent.
 BLOCKS = 12
-LEFT_OUT = 2
+LEFT_OUT = 1
 
 
 class Held(NamedTuple):
@@ -29,13 +29,12 @@ class Growth(NamedTuple):
     low: float
     high: float
 
-    @property
-    def leaks(self) -> bool:
-        """Whether it is more than zero: what leaks grows all the time, all else now and then."""
-        return self.low > 0.0
+    def leaks(self, least: float = 0.0) -> bool:
+        """Whether it is more than ``least``: what leaks grows all the time, all else sometimes."""
+        return self.low > least
 
 
-# The sign test: below the third of twelve values the median is once in 52 times, whatever their
+# The sign test: the median is below the second of twelve values once in 315 times, whatever their
 # distribution.
 LEVEL = 1.0 - 2.0 * sum(comb(BLOCKS, i) for i in range(LEFT_OUT + 1)) / 2.0**BLOCKS
 

@@ -14,6 +14,9 @@ from resources import growth, Held
 from soak import LIMIT, NODES, RATE, Soak, UNTIL_CALM
 
 DURATION = {True: 600.0, False: 45.0}
+# In its first minute a node still uses pages for the first time, under faults 200 to 400 kB/min:
+# there a leak is an object in each period, of 16 bytes at least [kB/min].
+LEAST = {True: 0.0, False: 16.0 * RATE * 60.0 / 1024.0}
 
 
 def test_p20_random_faults_leave_no_growth_no_flood_and_no_lost_record(
@@ -27,7 +30,7 @@ def test_p20_random_faults_leave_no_growth_no_flood_and_no_lost_record(
     check_logs(run)
     check_records(run)
     for name in ('plant', 'reference', 'controller'):
-        check_resources(name, run)
+        check_resources(name, run, LEAST[soak])
 
 
 def check_commands(run: Soak) -> None:
@@ -54,9 +57,9 @@ def check_records(run: Soak) -> None:
         assert all(before < after for before, after in pairwise(read_samples(folder)['time']))
 
 
-def check_resources(name: str, run: Soak) -> None:
+def check_resources(name: str, run: Soak, least: float) -> None:
     samples = judged(run, name)
-    assert not growth(samples).leaks, (name, [sample.memory for sample in samples])
+    assert not growth(samples).leaks(least), (name, [sample.memory for sample in samples])
     files, third = [sample.files for sample in samples], len(samples) // 3
     assert median(files[-third:]) <= median(files[:third]), name
 
