@@ -180,11 +180,11 @@ def test_a_plant_that_runs_away_is_told_and_gives_finite_figures(scenario: Path)
 
 def test_where_nothing_can_be_written_is_told(scenario: Path) -> None:
     for option in ('--json', '--plot'):
-        done = run('simulate', scenario, option, scenario.parent / 'nowhere' / 'out.png')
-        assert done.returncode == 1
+        done = nadrc('simulate', scenario, option, scenario.parent / 'nowhere' / 'out.png')
+        assert done.exit_code == 1
         assert done.stderr == f'nadrc: {scenario.parent}/nowhere: there is no such folder\n'
-    done = run('simulate', scenario, '--json', scenario.parent)
-    assert (done.returncode, done.stderr) == (1, f'nadrc: {scenario.parent}: Is a directory\n')
+    done = nadrc('simulate', scenario, '--json', scenario.parent)
+    assert (done.exit_code, done.stderr) == (1, f'nadrc: {scenario.parent}: Is a directory\n')
 
 
 def test_usage_errors_are_those_of_the_command_line(scenario: Path) -> None:
