@@ -45,7 +45,7 @@ test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
-	python -m pytest -n 2 --dist worksteal test/ros # on their own: a loop in real time wants the cores
+	python -m pytest -n 3 --dist worksteal test/ros # on their own; they wait most of the time
 
 soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repeats those of that run)
 	@$(ACTIVATE)
