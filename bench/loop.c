@@ -3,7 +3,8 @@
  *
  * The plant of the paper, a nested observer of two levels with the gains of a constant time step,
  * the linear law, the magnitude limit, Runge-Kutta of order 4, the figures of merit and the signals
- * of each period. Without the fault policy and without looking for what is not finite.
+ * of each period. Without the fault policy and without looking for what is not finite; the slope at
+ * the start of a period is evaluated twice, for the truth and for the step, ours once.
  */
 #include <math.h>
 
