@@ -57,6 +57,7 @@ setup(
         ],
         'speed': ['numba'],
         'sweep': ['dask[distributed]', 'pyarrow'],
+        'bags': ['rosbags'],
         'test': [
             'pytest',
             'pytest-xdist',
@@ -65,6 +66,7 @@ setup(
             *SITE,
             'dask[distributed]',
             'pyarrow',
+            'rosbags',
         ],
         'bench': RIVALS,
         'docs': SITE,

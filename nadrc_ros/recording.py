@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, declared, number
 from nadrc_ros.simulation.metrics import Metrics
 from nadrc_ros.writing import write_json
@@ -19,10 +19,39 @@ SETTINGS = 'run.json'
 SAMPLES = 'samples.csv'
 SUMMARY = 'summary.json'
 NEEDED = ('reference', 'measurement', 'command')
+TRUTH = ('output', 'total_disturbance')
+ESTIMATES = {
+    'tracking': 'tracking',
+    'output_estimate': 'output_estimate',
+    'disturbance_estimate': 'total_disturbance',
+}
 
 
 class RecordingError(UserError):
     """What a folder holds is not a recorded run; the message says which file and why."""
+
+
+def topic_of(name: str, plant: str = 'plant', controller: str = 'controller') -> str:
+    """
+    Return the topic of a recorded signal, by its column and the names of the nodes.
+
+    Raises
+    ------
+    SettingError
+        For a signal that does not exist.
+
+    """
+    if name in NEEDED:
+        return name
+    if name in TRUTH:
+        return f'{plant}/{name}'
+    if name in ESTIMATES:
+        return f'{controller}/{ESTIMATES[name]}'
+    level = name.removeprefix('level_')
+    if name != level and level.isdigit():
+        return f'{controller}/level_{level}/disturbance'
+    known = ' '.join((*NEEDED, *TRUTH, *ESTIMATES, 'level_1 level_2 ...'))
+    raise SettingError('inputs', name, f'some of {known}')
 
 
 @attrs.frozen(kw_only=True)
@@ -183,7 +212,7 @@ def summarise(folder: Path) -> dict[str, Any]:
         For a file that cannot be read.
 
     """
-    settings = _read_settings(folder / SETTINGS)
+    settings = read_settings(folder)
     samples = Samples(folder)
     for name in ('time', *NEEDED):
         if name not in samples.names:
@@ -205,7 +234,19 @@ def summarise(folder: Path) -> dict[str, Any]:
     }
 
 
-def _read_settings(path: Path) -> RunSettings:
+def read_settings(folder: Path) -> RunSettings:
+    """
+    Return what ``run.json`` says.
+
+    Raises
+    ------
+    RecordingError, SettingError
+        When that is not what a recorder wrote.
+    OSError
+        When it cannot be read.
+
+    """
+    path = folder / SETTINGS
     try:
         content = json.loads(path.read_bytes())
     except ValueError as error:

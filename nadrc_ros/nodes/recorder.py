@@ -17,18 +17,21 @@ from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import Losses
 from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
-from nadrc_ros.recording import FigureSettings, NEEDED, RunFolder, RunSettings, summary
+from nadrc_ros.recording import (
+    ESTIMATES,
+    FigureSettings,
+    NEEDED,
+    RunFolder,
+    RunSettings,
+    summary,
+    topic_of,
+    TRUTH,
+)
 from nadrc_ros.simulation.metrics import Metrics
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
 FLUSH = 0.2
-TRUTH = ('output', 'total_disturbance')
-ESTIMATES = {
-    'tracking': 'tracking',
-    'output_estimate': 'output_estimate',
-    'disturbance_estimate': 'total_disturbance',
-}
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 
 
@@ -65,20 +68,7 @@ class RecorderSettings(FigureSettings):
         for name in NEEDED:
             if name not in names:
                 raise SettingError('inputs', self.inputs, f'a list that has {name}')
-        return {name: self._topic(name) for name in names}
-
-    def _topic(self, name: str) -> str:
-        if name in NEEDED:
-            return name
-        if name in TRUTH:
-            return f'{self.plant}/{name}'
-        if name in ESTIMATES:
-            return f'{self.controller}/{ESTIMATES[name]}'
-        level = name.removeprefix('level_')
-        if name != level and level.isdigit():
-            return f'{self.controller}/level_{level}/disturbance'
-        known = ' '.join((*NEEDED, *TRUTH, *ESTIMATES, 'level_1 level_2 ...'))
-        raise SettingError('inputs', name, f'some of {known}')
+        return {name: topic_of(name, self.plant, self.controller) for name in names}
 
 
 class RecorderNode(LiveNode):

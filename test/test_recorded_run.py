@@ -1,0 +1,168 @@
+"""A run reads the same from the recorder's folder and from a bag of its topics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import nan
+from pathlib import Path
+import sys
+
+from bag_helpers import write_bag
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.recorded_run import read_run
+from nadrc_ros.recording import RunFolder, RunSettings
+import numpy as np
+import pytest
+
+H = 0.01
+# Reference from 20 ms on; measurement k at k h; the command in reply comes 0.3 ms later, the
+# first one to measurement 2.
+MEASURED = [(H * k, float(k)) for k in range(6)]
+COMMANDED = [(H * k + 3e-4, -float(k)) for k in range(2, 6)]
+REFERENCE = [(0.035, 7.0)]
+LOOP = {'reference': REFERENCE, 'measurement': MEASURED, 'command': COMMANDED}
+
+
+def in_namespace(name: str) -> dict[str, list[tuple[float, float]]]:
+    return {f'{name}/{topic}': pairs for topic, pairs in LOOP.items()}
+
+
+@pytest.mark.parametrize('mcap', [False, True])
+def test_a_row_of_a_bag_is_a_measurement_and_the_command_that_acted_until_the_next(
+    mcap: bool, tmp_path: Path
+) -> None:
+    signals = in_namespace('') | {
+        '/controller/level_2/disturbance': [(0.0204, 4.0), (0.0304, 5.0)],
+        '/plant/output': [(0.0201, 2.5)],
+    }
+    folder = write_bag(tmp_path / 'bag', signals, mcap, words=('/rosout',))
+    for path in (folder, next(p for p in folder.iterdir() if p.suffix != '.yaml')):
+        run = read_run(path)
+        assert run.rate == pytest.approx(100.0)
+        assert run.columns['time'] == pytest.approx([0.0, 0.01, 0.02, 0.03])
+        assert run.columns['measurement'].tolist() == [2.0, 3.0, 4.0, 5.0]
+        assert run.columns['command'].tolist() == [-2.0, -3.0, -4.0, -5.0]
+        assert run.columns['level_2'].tolist() == [4.0, 5.0, 5.0, 5.0]
+        assert run.columns['output'].tolist() == [2.5] * 4
+        np.testing.assert_array_equal(run.columns['reference'], [nan, 7.0, 7.0, 7.0])
+        assert run.summary == {} and 'level_1' not in run.columns
+
+
+def test_a_folder_of_the_recorder_reads_as_it_was_written(tmp_path: Path) -> None:
+    columns = ('time', 'reference', 'measurement', 'command', 'level_1')
+    folder = RunFolder(tmp_path, columns, RunSettings(rate=50.0))
+    rows = [[0.0, nan, 1.0, 2.0, nan], [0.06, 0.5, 1.5, 2.5, 3.5]]
+    for row in rows:
+        folder.write(row)
+    folder.close()
+    run = read_run(folder.path)
+    assert (run.path, run.rate, run.summary) == (folder.path, 50.0, {})
+    np.testing.assert_array_equal(list(run.columns.values()), np.transpose(rows))
+    folder.write_summary({'rows': 2})
+    assert read_run(folder.path).summary == {'rows': 2}
+
+
+def test_the_rate_of_a_bag_is_right_with_jitter_and_lost_measurements(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    times = [k / 125.0 + rng.uniform(0.0, 2e-3) for k in range(500) if k % 9]
+    loop = {name: [(t, 1.0) for t in times] for name in ('/measurement', '/command')}
+    assert read_run(write_bag(tmp_path / 'bag', loop)).rate == pytest.approx(125.0, rel=1e-3)
+
+
+def test_the_loop_is_found_in_its_only_namespace_and_asked_for_among_several(
+    tmp_path: Path,
+) -> None:
+    one = write_bag(tmp_path / 'one', in_namespace('/arm/left'))
+    assert read_run(one).columns['measurement'][0] == 2.0
+    both = write_bag(tmp_path / 'both', in_namespace('/a') | in_namespace('/b'))
+    with pytest.raises(UserError, match='/a/measurement, /b/measurement'):
+        read_run(both)
+    for name in ('b', '/b', '/b/'):
+        assert read_run(both, namespace=name).columns['command'][0] == -2.0
+
+
+def test_topics_of_other_names_can_be_named(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / 'bag', {'/x/state': MEASURED, '/x/effort': COMMANDED})
+    run = read_run(path, {'measurement': '/x/state', 'command': '/x/effort'})
+    assert run.columns['command'].tolist() == [-2.0, -3.0, -4.0, -5.0]
+    assert np.isnan(run.columns['reference']).all()
+
+
+def empty_folder(path: Path) -> tuple[Path, dict[str, str]]:
+    return path, {}
+
+
+def no_file(path: Path) -> tuple[Path, dict[str, str]]:
+    return path / 'nothing', {}
+
+
+def no_command(path: Path) -> tuple[Path, dict[str, str]]:
+    return write_bag(path / 'bag', {'/measurement': MEASURED, '/other': MEASURED}), {}
+
+
+def other_topic(path: Path) -> tuple[Path, dict[str, str]]:
+    return write_bag(path / 'bag', in_namespace('')), {'measurement': '/state'}
+
+
+def text_topic(path: Path) -> tuple[Path, dict[str, str]]:
+    return write_bag(path / 'bag', in_namespace(''), words=('/state',)), {'measurement': '/state'}
+
+
+def silent_topic(path: Path) -> tuple[Path, dict[str, str]]:
+    return write_bag(path / 'bag', in_namespace('') | {'/command': []}), {}
+
+
+def rubbish(suffix: str) -> Callable[[Path], tuple[Path, dict[str, str]]]:
+    def make(path: Path) -> tuple[Path, dict[str, str]]:
+        file = path / f'bag{suffix}'
+        file.write_bytes(b'rubbish' * 100)
+        return file, {}
+
+    return make
+
+
+def bad_metadata(path: Path) -> tuple[Path, dict[str, str]]:
+    bag = write_bag(path / 'bag', in_namespace(''))
+    (bag / 'metadata.yaml').write_text('{')
+    return bag, {}
+
+
+def cut_short(path: Path) -> tuple[Path, dict[str, str]]:
+    bag = write_bag(path / 'bag', in_namespace(''), mcap=True)
+    (file,) = bag.glob('*.mcap')
+    file.write_bytes(file.read_bytes()[:300])
+    return bag, {}
+
+
+@pytest.mark.parametrize(
+    ('make', 'said'),
+    [
+        (empty_folder, 'neither a folder with samples.csv nor a rosbag2 bag'),
+        (no_file, 'there is no such file'),
+        (no_command, 'no topic /command; there are /measurement, /other'),
+        (other_topic, 'no topic /state; there are /command, /measurement, /reference'),
+        (text_topic, '/state has std_msgs/msg/String, not one number'),
+        (silent_topic, 'no message on /command'),
+        (rubbish('.db3'), 'not a bag that can be read'),
+        (rubbish('.mcap'), 'not a bag that can be read'),
+        (bad_metadata, 'not a bag that can be read'),
+        (cut_short, 'not a bag that can be read'),
+    ],
+)
+def test_what_is_no_run_is_refused_in_one_sentence(
+    make: Callable[[Path], tuple[Path, dict[str, str]]], said: str, tmp_path: Path
+) -> None:
+    path, topics = make(tmp_path)
+    with pytest.raises(UserError, match=said) as caught:
+        read_run(path, topics)
+    assert '\n' not in str(caught.value)
+
+
+def test_without_rosbags_a_bag_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_bag(tmp_path / 'bag', in_namespace(''))
+    for name in [name for name in sys.modules if name.split('.')[0] == 'rosbags']:
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(UserError, match='pip install rosbags'):
+        read_run(path)
