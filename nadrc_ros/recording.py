@@ -25,6 +25,8 @@ ESTIMATES = {
     'output_estimate': 'output_estimate',
     'disturbance_estimate': 'total_disturbance',
 }
+# When measurement and command left their publishers [s since the start in about.json].
+STAMPS = ('measurement_stamp', 'command_stamp')
 
 
 class RecordingError(UserError):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime, timezone
 from math import nan
 from pathlib import Path
+import time
 from typing import Any
 
 import attrs
@@ -13,20 +15,24 @@ from nadrc_ros.adrc.fields import build, declared, number, text
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.nodes.parameter_watch import ParameterWatch
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import Losses
 from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
+from nadrc_ros.nodes.versions import versions
 from nadrc_ros.recording import (
     ESTIMATES,
     FigureSettings,
     NEEDED,
     RunFolder,
     RunSettings,
+    STAMPS,
     summary,
     topic_of,
     TRUTH,
 )
+from nadrc_ros.run_history import append_parameters, write_about
 from nadrc_ros.simulation.metrics import Metrics
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
@@ -78,7 +84,7 @@ class RecorderNode(LiveNode):
     In real time a row belongs to one measurement and is complete when the next one comes: the
     command is then the one that acted meanwhile. Its time is counted in measurements since the
     first command, by their publication numbers, so that a lost one leaves a gap and does not shift
-    the rest.
+    the rest. When both left their publishers is recorded too, but in lockstep.
     """
 
     def __init__(self) -> None:
@@ -95,9 +101,11 @@ class RecorderNode(LiveNode):
             **{name: getattr(self.settings, name) for name in declared(FigureSettings)},
         )
         topics = self.settings.topics()
-        self._columns = ['time', *topics]
+        self._stamps = () if self.pacing.lockstep else STAMPS
+        self._columns = ['time', *topics, *self._stamps]
         self._losses = {name: Losses() for name in topics}
         self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
+        self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
         self._open_run()
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
@@ -118,9 +126,13 @@ class RecorderNode(LiveNode):
     def _open_run(self) -> None:
         directory = Path(self.settings.directory).expanduser()
         self.folder = RunFolder(directory, self._columns, self._run)
+        self._begin = int(time.time())
+        write_about(self.folder.path, self._about())
+        for node, values in self._watch.known.items():
+            append_parameters(self.folder.path, None, node, values)
         self.metrics = Metrics()
         self.recording = True
-        self.lost = dict.fromkeys(self._columns[1:], 0)
+        self.lost = dict.fromkeys(self._losses, 0)
         self._latest = dict.fromkeys(self._columns[1:], nan)
         self._started = False
         self._pending: tuple[int, float] | None = None
@@ -140,6 +152,23 @@ class RecorderNode(LiveNode):
         except OSError as error:
             self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
 
+    def _about(self) -> dict[str, Any]:
+        started = datetime.fromtimestamp(self._begin, timezone.utc)
+        return {
+            'started': started.isoformat(),
+            'namespace': self.get_namespace(),
+            'versions': versions(),
+        }
+
+    def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
+        if not self.recording:
+            return
+        now = (self._index + 1) / self.pacing.rate if self._rows else None
+        try:
+            append_parameters(self.folder.path, now, node, values)
+        except OSError as error:
+            self._stop_on_full_disk(error)
+
     def _summary(self) -> dict[str, Any]:
         return summary(self._run, self.metrics, self._rows) | {
             'samples_lost': sum(self.lost.values()),
@@ -155,6 +184,9 @@ class RecorderNode(LiveNode):
             self.lost[name] += lost
             if self.recording:
                 self._take(name, value, lost)
+                if (stamp := f'{name}_stamp') in self._stamps:
+                    left = info['source_timestamp'] - self._begin * 1_000_000_000
+                    self._latest[stamp] = left / 1e9
 
         return take
 
@@ -182,7 +214,8 @@ class RecorderNode(LiveNode):
     def _fire(self, values: list[float]) -> None:
         """Record one lockstep period."""
         if self.recording:
-            self._row(self._rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
+            self._index += 1
+            self._row(self._index / self.pacing.rate, dict(zip(self._columns[1:], values)))
 
     def _row(self, t: float, values: dict[str, float]) -> None:
         self._run.add(self.metrics, t, values)
@@ -193,6 +226,7 @@ class RecorderNode(LiveNode):
             self._stop_on_full_disk(error)
 
     def _on_flush(self) -> None:
+        self._watch.look()
         if self.recording:
             try:
                 self.folder.flush()

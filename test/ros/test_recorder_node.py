@@ -12,7 +12,7 @@ from typing import Any
 
 from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.recording import read_samples, RunFolder, RunSettings, SAMPLES, SUMMARY
+from nadrc_ros.recording import read_samples, RunFolder, RunSettings, SAMPLES, STAMPS, SUMMARY
 from probe import Probe, Processes
 import pytest
 
@@ -55,7 +55,7 @@ def test_a_row_is_one_period_with_the_command_that_acted_in_it(
     for _ in range(6):
         feed.sample()
     rows = feed.rows()
-    assert list(rows) == ['time', *INPUTS.split()]
+    assert list(rows) == ['time', *INPUTS.split(), *STAMPS]
     assert rows['time'] == [0.0, 0.01, 0.02, 0.03, 0.04]
     assert rows['measurement'] == [0.1 * k for k in range(1, 6)]
     assert rows['command'] == [0.01 * k for k in range(1, 6)]
@@ -88,7 +88,8 @@ def test_an_unknown_value_is_an_empty_column(
     rows = feed.rows()
     assert rows['measurement'] == [3.0]
     assert all(isnan(rows[name][0]) for name in ('reference', 'command', 'output'))
-    assert (feed.recorder.folder.path / SAMPLES).read_text().splitlines()[1] == '0.0,,3.0,,'
+    line = (feed.recorder.folder.path / SAMPLES).read_text().splitlines()[1]
+    assert line.startswith('0.0,,3.0,,,')
     assert feed.recorder.metrics.values().skipped == 1
 
 

@@ -1,0 +1,112 @@
+"""
+What was around a recorded run: who ran it, and the parameters of its nodes as they changed.
+
+Beside the samples of a run, ``about.json`` says when it was started, by what versions and in which
+namespace; ``parameters.jsonl`` grows by a line whenever a node tells parameters:
+``{"time": 7.5, "node": "/controller", "values": {"b0": 2.0}}``. The time is that of the samples
+[s], null before the first one. A folder may lack either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+from pathlib import Path
+from typing import Any
+
+import attrs
+from nadrc_ros.recording import RecordingError
+from nadrc_ros.writing import write_json
+
+ABOUT = 'about.json'
+PARAMETERS = 'parameters.jsonl'
+
+Values = dict[str, Any]
+
+
+@attrs.frozen
+class Change:
+    """A parameter of a node that got another value at ``time`` [s]."""
+
+    time: float
+    node: str
+    name: str
+    before: Any
+    after: Any
+
+
+@attrs.frozen
+class History:
+    """What ``about.json`` says, the first parameters known of each node, and their changes."""
+
+    about: Values = attrs.field(factory=dict)
+    parameters: dict[str, Values] = attrs.field(factory=dict)
+    changes: list[Change] = attrs.field(factory=list)
+
+
+def write_about(folder: Path, content: Mapping[str, Any]) -> None:
+    """Write who runs what, at once."""
+    write_json(folder / ABOUT, content)
+
+
+def append_parameters(
+    folder: Path, time: float | None, node: str, values: Mapping[str, Any]
+) -> None:
+    """Append what a node tells of itself; the line is the system's when this returns."""
+    line = json.dumps({'time': time, 'node': node, 'values': values})
+    with (folder / PARAMETERS).open('a', encoding='utf-8') as file:
+        file.write(line + '\n')
+
+
+def read_history(folder: Path) -> History:
+    """
+    Return what a folder tells besides its samples, which may be nothing.
+
+    Raises
+    ------
+    RecordingError
+        For a file that is not as it was written; a last line that was cut short is left out.
+
+    """
+    history = History(about=_about(_text(folder / ABOUT)))
+    lines = _text(folder / PARAMETERS).split('\n')[:-1]
+    now: dict[str, Values] = {}
+    for place, line in enumerate(lines, 1):
+        time, node, values = _record(place, line)
+        known = now.setdefault(node, {})
+        for name, value in values.items():
+            if name not in known or time is None:
+                history.parameters.setdefault(node, {})[name] = value
+            elif value != known[name]:
+                history.changes.append(Change(time, node, name, known[name], value))
+        known |= values
+    return history
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding='utf-8', errors='replace')
+    except (FileNotFoundError, NotADirectoryError):
+        return ''
+
+
+def _about(text: str) -> Values:
+    try:
+        content = json.loads(text or '{}')
+    except ValueError as error:
+        raise RecordingError(f'{ABOUT}: {error}') from None
+    if not isinstance(content, dict):
+        raise RecordingError(f'{ABOUT}: not a table of values by name')
+    return content
+
+
+def _record(place: int, line: str) -> tuple[float | None, str, Values]:
+    try:
+        record = json.loads(line)
+        time, node, values = record['time'], record['node'], record['values']
+        time = None if time is None else float(time)
+    except (ValueError, TypeError, KeyError):
+        raise RecordingError(f'{PARAMETERS}, line {place}: not time, node and values') from None
+    if not isinstance(node, str) or not isinstance(values, dict):
+        raise RecordingError(f'{PARAMETERS}, line {place}: not time, node and values')
+    return time, node, values
