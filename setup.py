@@ -26,7 +26,7 @@ setup(
     maintainer_email='maintainers@users.noreply.example.org',
     python_requires='>=3.10',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'paper/designs.yaml']},
+    package_data={NAME: ['py.typed', 'paper/designs.yaml', 'report/report.*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -58,6 +58,7 @@ setup(
         'speed': ['numba'],
         'sweep': ['dask[distributed]', 'pyarrow'],
         'bags': ['rosbags'],
+        'report': ['plotly'],
         'test': [
             'pytest',
             'pytest-xdist',
@@ -67,6 +68,7 @@ setup(
             'dask[distributed]',
             'pyarrow',
             'rosbags',
+            'plotly',
         ],
         'bench': RIVALS,
         'docs': SITE,

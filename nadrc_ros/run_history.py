@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import json
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,8 @@ def _record(place: int, line: str) -> tuple[float | None, str, Values]:
         time, node, values = record['time'], record['node'], record['values']
         time = None if time is None else float(time)
     except (ValueError, TypeError, KeyError):
-        raise RecordingError(f'{PARAMETERS}, line {place}: not time, node and values') from None
-    if not isinstance(node, str) or not isinstance(values, dict):
+        time, node, values = None, None, None
+    finite = time is None or isfinite(time)
+    if not (finite and isinstance(node, str) and isinstance(values, dict)):
         raise RecordingError(f'{PARAMETERS}, line {place}: not time, node and values')
     return time, node, values

@@ -11,12 +11,13 @@ from typing import Annotated
 from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.design import design
 from nadrc_ros.cli.paper import paper
+from nadrc_ros.cli.report import report
 from nadrc_ros.cli.simulate import simulate
 from nadrc_ros.cli.summarise import summarise
 from nadrc_ros.cli.sweep import sweep
 import typer
 
-COMMANDS = (design, simulate, demo, paper, summarise, sweep)
+COMMANDS = (design, simulate, demo, paper, report, summarise, sweep)
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for _command in COMMANDS:

@@ -6,13 +6,12 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.changes import changed
 from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.pictures import check_format
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
     from nadrc_ros.simulation.experiment import Result
-
-FORMATS = ('png', 'svg', 'pdf')
 
 
 def simulate(
@@ -36,10 +35,7 @@ def simulate(
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
 
-        if plot is not None and plot.suffix.lstrip('.') not in FORMATS:
-            raise typer.BadParameter(
-                f'{plot} must end in .' + ', .'.join(FORMATS), param_hint='--plot'
-            )
+        check_format(plot, '--plot')
         path = find_scenario(file)
         whole = load(path)
     with reporting():

@@ -6,21 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from nadrc_ros.paper.claims import claims
 from nadrc_ros.paper.diagrams import n_adrc
-from nadrc_ros.paper.markup import (
-    document,
-    formula,
-    hat,
-    heading,
-    mi,
-    mo,
-    paragraph,
-    picture,
-    Prose,
-    table,
-    verdict,
-)
+from nadrc_ros.paper.markup import formula, hat, mi, mo, Prose
 from nadrc_ros.paper.prose import PROSE
 from nadrc_ros.paper.section import Result, Section
+from nadrc_ros.report.markup import document, heading, paragraph, picture, table, verdict
 
 TITLE = 'Nested extended state observers: the paper, reproduced and corrected'
 PAPER = (

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from nadrc_ros.paper.figures34 import PAPER_REDUCTION
-from nadrc_ros.paper.markup import paragraph, Prose, table
+from nadrc_ros.paper.markup import Prose
 from nadrc_ros.paper.section import Result
 from nadrc_ros.paper.tables import table_1
+from nadrc_ros.report.markup import paragraph, table
 
 
 def table1(result: Result) -> Prose:

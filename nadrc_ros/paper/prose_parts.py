@@ -10,11 +10,10 @@ from nadrc_ros.paper.markup import (
     mi,
     mn,
     mo,
-    paragraph,
     Prose,
-    table,
 )
 from nadrc_ros.paper.section import Result
+from nadrc_ros.report.markup import paragraph, table
 
 E3 = inline(mi('e', '3'))
 ZETA3 = inline(mi('ζ', '3'))

@@ -119,15 +119,21 @@ def render(figure: Figure, file_format: str) -> bytes:
     return buffer.getvalue()
 
 
-def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:
-    """Cut a start off that would make all the rest look flat, and say so."""
+def frame(lines: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
+    """Return the range that cuts off a start that would make all the rest look flat."""
     whole = _finite(values for _, values in lines)
     late = _finite(values[time >= SETTLE_TIME] for time, values in lines)
     if not late.size or np.abs(whole).max() <= CUT * np.abs(late).max():
-        return
+        return None
     room = 0.15 * float(np.ptp(late))
-    if room > 0.0:
-        axis.set_ylim(float(late.min()) - room, float(late.max()) + room)
+    return (float(late.min()) - room, float(late.max()) + room) if room > 0.0 else None
+
+
+def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:
+    """Cut such a start off, and say so."""
+    limits = frame(lines)
+    if limits is not None:
+        axis.set_ylim(limits)
         axis.set_title(axis.get_title('left') + '  (the start is cut off)')
 
 

@@ -1,0 +1,88 @@
+"""`nadrc report`: what recorded runs look like, as one page that works offline."""
+
+# ruff: noqa: UP045
+from pathlib import Path
+from typing import Annotated, Optional, TYPE_CHECKING
+
+from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.pictures import check_format
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.report.subject import Subject
+
+
+def report(
+    runs: Annotated[
+        list[Path], typer.Argument(help='Folders of runs (runs/<date>) or rosbag2 bags.')
+    ],
+    out: Annotated[
+        Optional[Path], typer.Option(help='Where the page goes; otherwise beside the first run.')
+    ] = None,
+    static: Annotated[
+        Optional[Path],
+        typer.Option(help='Draw a picture there (png, svg, pdf), and no page without --out.'),
+    ] = None,
+    topic: Annotated[
+        Optional[list[str]],
+        typer.Option(help='Topic of a signal in bags, as measurement=/state; repeatable.'),
+    ] = None,
+    namespace: Annotated[str, typer.Option(help='Namespace of the loop in bags.')] = '',
+) -> None:
+    """
+    Make a page of one run, or of several to compare them.
+
+    It has interactive plots, figures of merit, the disturbance estimates against the truth, the
+    spectrum of the command, latencies, and the parameters with their changes on the way.
+
+    Example: nadrc report runs/20260101-120000, or nadrc report runs/A runs/B --out ab.html
+    """
+    check_format(static, '--static')
+    with reporting():
+        from nadrc_ros.report.subject import read_subjects
+
+        subjects = read_subjects(runs, _topics(topic or []), namespace)
+        if static is not None:
+            _draw(static, subjects)
+            if out is None:
+                return
+        try:
+            from nadrc_ros.report.page import page
+        except ImportError as error:
+            complain(f'{error}: pip install "nadrc_ros[report]", or use --static')
+            raise typer.Exit(1) from None
+        from nadrc_ros.writing import write_whole
+
+        path = out or _beside(runs)
+        write_whole(path, page(subjects).encode())
+        typer.echo(f'report {path}')
+
+
+def _draw(path: Path, subjects: 'dict[str, Subject]') -> None:
+    from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.report.moments import moments_of
+    from nadrc_ros.report.words import title_of
+    from nadrc_ros.writing import write_whole
+
+    traces = {name: subject.trace() for name, subject in subjects.items()}
+    moments = moments_of({name: subject.history for name, subject in subjects.items()})
+    figure = draw(traces, title_of(subjects), [moment.mark() for moment in moments])
+    write_whole(path, render(figure, path.suffix.lstrip('.')))
+    typer.echo(f'picture {path}')
+
+
+def _beside(runs: list[Path]) -> Path:
+    """Return a file that no later `nadrc report runs/*` takes for a run."""
+    name = 'report.html' if len(runs) == 1 else 'comparison.html'
+    first = runs[0]
+    return first / name if first.is_dir() else first.with_name(f'{first.name}.{name}')
+
+
+def _topics(pairs: list[str]) -> dict[str, str]:
+    topics = {}
+    for pair in pairs:
+        name, sign, topic = pair.partition('=')
+        if not (name and sign and topic):
+            raise typer.BadParameter(f'{pair}: must be SIGNAL=TOPIC', param_hint='--topic')
+        topics[name] = topic
+    return topics

@@ -1,0 +1,28 @@
+"""The figures of merit that a table of runs shows, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from nadrc_ros.simulation.metrics import SETTLE_TIME
+
+ROWS = (
+    ('itae', 'ITAE', 'integral of t |e|'),
+    ('isu', 'ISU', 'integral of u²'),
+    ('iae', 'IAE', 'integral of |e|'),
+    ('rmse', 'RMSE', 'root mean square of e'),
+    ('max_error', 'max |e|', 'largest error'),
+    ('peak_error', 'peak |e|', f'largest error from {SETTLE_TIME:g} s on'),
+    ('total_variation', 'TV', 'total variation of u'),
+    ('saturated_fraction', 'saturated', 'share of the time'),
+)
+
+
+def wins(value: float, values: Sequence[float]) -> bool:
+    """Tell whether a figure is the lowest of several that differ."""
+    return value == min(values) < max(values)
+
+
+def shown(key: str, value: float) -> str:
+    """Return a figure as a table shows it."""
+    return f'{100.0 * value:.1f} %' if key == 'saturated_fraction' else f'{value:.4g}'

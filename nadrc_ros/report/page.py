@@ -1,0 +1,159 @@
+"""The report: one HTML file on one or several runs that needs nothing else, not even a network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+from nadrc_ros.report import distributions, tables
+from nadrc_ros.report.markup import document, heading, paragraph, verdict
+from nadrc_ros.report.moments import Moment, moments_of
+from nadrc_ros.report.plots import Plot, Plotter
+from nadrc_ros.report.subject import Subject
+from nadrc_ros.report.words import summary_of, title_of
+import numpy as np
+from plotly.offline import get_plotlyjs
+
+HERE = Path(__file__).parent
+NO_DISTURBANCE = 'Neither an estimate of the disturbance nor its true value was recorded.'
+NO_SPECTRUM = 'There are too few samples for a spectrum.'
+NO_STAMPS = (
+    'It was not recorded when samples left their publishers: the run was in lockstep, is from a '
+    'bag, or is older.'
+)
+NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
+
+
+def page(subjects: Mapping[str, Subject]) -> str:
+    """Return the whole page on these runs, by name."""
+    moments = moments_of({name: subject.history for name, subject in subjects.items()})
+    plotter = Plotter(subjects, moments)
+    sections = {
+        'figures': ('Figures of merit', tables.figures_of_merit(subjects)),
+        'changes': ('Changes on the way', _changes(moments, len(subjects))),
+        'output': ('Output and reference', _plot(plotter.output())),
+        'error': ('Error', _note(_which_error(subjects)) + _plot(plotter.error())),
+        'command': ('Command', _plot(plotter.command())),
+        'disturbance': ('Disturbance', _disturbance(plotter)),
+        'spectrum': ('Spectrum of the command', _spectrum(plotter)),
+        'timing': ('Latency and period', _timing(plotter)),
+        'parameters': ('Parameters', _parameters(subjects)),
+        'origin': ('Origin', tables.origin(subjects)),
+    }
+    there = {name: section for name, section in sections.items() if section[1]}
+    links = (f'<a href="#{name}">{title}</a>' for name, (title, _) in there.items())
+    title = title_of(subjects)
+    body = [f'<h1>{escape(title)}</h1>\n', verdict(summary_of(subjects, moments))]
+    body += [f'<nav>{" ".join(links)}</nav>\n']
+    body += [heading(title, name) + content for name, (title, content) in there.items()]
+    return document(title, ''.join(body) + _scripts(), f'<style>{_text("report.css")}</style>\n')
+
+
+def _text(name: str) -> str:
+    return (HERE / name).read_text(encoding='utf-8')
+
+
+def _scripts() -> str:
+    return f'<script>{get_plotlyjs()}</script>\n<script>{_text("report.js")}</script>'
+
+
+def _note(text: str) -> str:
+    return f'<p class="note">{text}</p>\n' if text else ''
+
+
+def _plot(plot: Plot) -> str:
+    """Return a plot as data, which the script at the end of the page draws."""
+    timed = ' data-timed="1"' if plot.timed else ''
+    data = plot.figure.to_json()  # without <, > and /
+    return (
+        f'<div class="plot"{timed}><script type="application/json">{data}</script></div>\n'
+        + _note(plot.note)
+    )
+
+
+def _changes(moments: Sequence[Moment], runs: int) -> str:
+    if not moments:
+        return ''
+    count = sum(len(moment.changes) for moment in moments)
+    more = count - tables.LISTED
+    return (
+        _note('The plots over time mark each by its number.')
+        + tables.changes(moments, runs)
+        + _note(f'{more} more are not listed.' if more > 0 else '')
+    )
+
+
+def _which_error(subjects: Mapping[str, Subject]) -> str:
+    kinds = {subject.figures.error for subject in subjects.values()}
+    if kinds == {'reference'}:
+        return 'Reference minus output, as in the figures of merit.'
+    if kinds == {'tracking'}:
+        return 'Output of the tracking differentiator minus output, as in the figures of merit.'
+    return 'As in the figures of merit, and not of the same kind in all runs.'
+
+
+def _disturbance(plotter: Plotter) -> str:
+    parts = []
+    for name, subject in plotter.subjects.items():
+        plot = plotter.disturbance(name)
+        if plot.figure.data:
+            parts.append(f'<h3>{escape(name)}</h3>\n' if len(plotter.subjects) > 1 else '')
+            parts += [_plot(plot), _note(_which_truth(subject))]
+    return ''.join(parts) or paragraph(NO_DISTURBANCE)
+
+
+def _which_truth(subject: Subject) -> str:
+    if not np.isfinite(subject.truth).any():
+        return 'Nobody published the true disturbance.'
+    if subject.referred:
+        return (
+            'The truth is y<sup>(n)</sup> − b<sub>0</sub> u for b<sub>0</sub> of the controller.'
+        )
+    return (
+        'The truth is y<sup>(n)</sup> − b<sub>0</sub> u for b<sub>0</sub> of the plant; whether '
+        'the controller has the same is not known.'
+    )
+
+
+def _spectrum(plotter: Plotter) -> str:
+    plot = distributions.spectrum(plotter)
+    if plot is None:
+        return paragraph(NO_SPECTRUM)
+    known = any(subject.settings for subject in plotter.subjects.values())
+    marks = 'The bandwidths of controller and observers are marked.' if known else ''
+    return _note(f'Power spectral density by Welch, on logarithmic axes. {marks}') + _plot(plot)
+
+
+def _timing(plotter: Plotter) -> str:
+    subjects = plotter.subjects.items()
+    kinds = (
+        (
+            'From a measurement to the command in reply',
+            distributions.latency(plotter),
+            {name: subject.latency for name, subject in subjects},
+        ),
+        (
+            'From a measurement to the next',
+            distributions.period(plotter),
+            {name: subject.periods for name, subject in subjects},
+        ),
+    )
+    parts = [
+        f'<h3>{title}</h3>\n{_plot(plot)}{tables.timing(columns)}'
+        for title, plot, columns in kinds
+        if plot is not None
+    ]
+    if not parts:
+        return paragraph(NO_STAMPS)
+    return ''.join(parts) + _note('By the stamps with which the samples left their publishers.')
+
+
+def _parameters(subjects: Mapping[str, Subject]) -> str:
+    everything = tables.parameters(subjects, different=False)
+    if not everything:
+        return paragraph(NO_PARAMETERS)
+    different = tables.parameters(subjects, different=True) if len(subjects) > 1 else ''
+    intro = 'Those in which the runs differ at their start:' if different else ''
+    folded = f'<details><summary>All parameters</summary>{everything}</details>\n'
+    return _note(intro) + different + folded

@@ -1,0 +1,213 @@
+"""What a report is about: recorded runs by name, with all that is derived from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.recorded_run import read_run, RecordedRun
+from nadrc_ros.recording import (
+    FigureSettings,
+    read_settings,
+    RecordingError,
+    RunSettings,
+    SETTINGS,
+)
+from nadrc_ros.report.columns import Array, Trace
+from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, Steps
+from nadrc_ros.run_history import History, read_history
+from nadrc_ros.simulation.metrics import Metrics, MetricValues
+import numpy as np
+
+NO_LIMITS = FigureSettings()
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Subject:
+    """
+    One run of a report.
+
+    Attributes
+    ----------
+    run, history
+        What was recorded.
+    figures
+        What the figures of merit were asked to be.
+    metrics
+        The figures of merit, from the samples: those of the recorder, to the bit.
+    settings
+        Of the controller, with the times from which they held; empty where not recorded.
+    truth
+        The true total disturbance (N,), for the b0 of the controller where that and the plant's
+        are known; not-a-number where there is none.
+    referred
+        Whether they are known.
+
+    """
+
+    run: RecordedRun
+    history: History
+    figures: RunSettings
+    metrics: MetricValues
+    settings: Steps[ControllerSettings]
+    truth: Array
+    referred: bool
+
+    @property
+    def time(self) -> Array:
+        """Return the time of each row [s]."""
+        return self.run.columns['time']
+
+    @property
+    def command(self) -> Array:
+        """Return the command of each row."""
+        return self.run.columns['command']
+
+    @property
+    def output(self) -> Array:
+        """Return the true output, or the measurement where there is none."""
+        output = self.column('output')
+        return np.where(np.isnan(output), self.run.columns['measurement'], output)
+
+    @property
+    def error(self) -> Array:
+        """Return the error of the figures of merit."""
+        reference, followed = self.run.columns['reference'], self.column('tracking')
+        if self.figures.error == 'reference':
+            followed = np.where(np.isnan(reference), followed, reference)
+        return followed - self.output
+
+    @property
+    def levels(self) -> list[str]:
+        """Return the names of the columns of the levels that have numbers."""
+        names = [name for name in self.run.columns if name.startswith('level_')]
+        return [name for name in names if np.isfinite(self.run.columns[name]).any()]
+
+    @property
+    def knows_limits(self) -> bool:
+        """Tell whether the limits of the command were known to who computed the figures."""
+        return (self.figures.command_min, self.figures.command_max) != (
+            NO_LIMITS.command_min,
+            NO_LIMITS.command_max,
+        )
+
+    @property
+    def is_folder(self) -> bool:
+        """Tell whether a recorder of this package wrote it."""
+        return (self.run.path / SETTINGS).is_file()
+
+    @property
+    def gaps(self) -> int:
+        """Return how many periods have no row."""
+        periods = round(float(self.time[-1] - self.time[0]) * self.run.rate)
+        return max(0, periods + 1 - len(self.time))
+
+    @property
+    def latency(self) -> Array:
+        """Return the times from a measurement to the command in reply [s], where there was one."""
+        between = self.column('command_stamp') - self.column('measurement_stamp')
+        return np.asarray(between[between >= 0.0])
+
+    @property
+    def periods(self) -> Array:
+        """Return the times between measurements that followed each other [s], by their stamps."""
+        spans = np.diff(self.column('measurement_stamp'))
+        followed = np.rint(np.diff(self.time) * self.run.rate) == 1.0
+        return np.asarray(spans[followed & np.isfinite(spans)])
+
+    def column(self, name: str) -> Array:
+        """Return a column, not-a-number where it was not recorded."""
+        return self.run.columns.get(name, np.full(len(self.time), np.nan))
+
+    def trace(self) -> Trace:
+        """Return what a picture needs."""
+        return Trace(
+            time=self.time,
+            reference=self.column('reference'),
+            output=self.output,
+            command=self.command,
+            disturbance_estimate=self.column('disturbance_estimate'),
+            total_disturbance=self.truth,
+        )
+
+
+def read_subjects(
+    paths: Sequence[Path], topics: Mapping[str, str] | None = None, namespace: str = ''
+) -> dict[str, Subject]:
+    """
+    Read runs, and name them by what tells them apart.
+
+    Raises
+    ------
+    UserError
+        For what is not a run; the message begins with its path.
+    OSError
+        For a file that cannot be read.
+
+    """
+    subjects = []
+    for path in dict.fromkeys(paths):
+        try:
+            subjects.append(make_subject(read_run(path, topics, namespace), read_history(path)))
+        except UserError as error:
+            raise RecordingError(f'{path}: {error}') from None
+    return dict(zip(_names(subjects), subjects))
+
+
+def make_subject(run: RecordedRun, history: History) -> Subject:
+    """Work out what a report shows of a run."""
+    figures = _figures(run)
+    settings, plant = controller_settings(history), plant_gain(history)
+    truth = run.columns.get('total_disturbance', np.full(len(run.columns['time']), np.nan))
+    known = bool(settings and plant)
+    if known:
+        gains = [(time, each.b0) for time, each in settings]
+        truth = referred(run.columns['time'], run.columns['command'], truth, plant, gains)
+    return Subject(
+        run=run,
+        history=history,
+        figures=figures,
+        metrics=_metrics(run, figures),
+        settings=settings,
+        truth=truth,
+        referred=known,
+    )
+
+
+def _figures(run: RecordedRun) -> RunSettings:
+    if (run.path / SETTINGS).is_file():
+        return read_settings(run.path)
+    return RunSettings(rate=run.rate)
+
+
+def _metrics(run: RecordedRun, figures: RunSettings) -> MetricValues:
+    metrics = Metrics()
+    columns = {name: values.tolist() for name, values in run.columns.items()}
+    for row in zip(*columns.values()):
+        values = dict(zip(columns, row))
+        figures.add(metrics, values['time'], values)
+    return metrics.values()
+
+
+def _names(subjects: Sequence[Subject]) -> list[str]:
+    """Return the first kind of name that is there for all and different for each."""
+    kinds: list[Callable[[Subject], str]] = [
+        _namespace,
+        lambda subject: subject.run.path.resolve().name,
+        lambda subject: f'{_namespace(subject)} {subject.run.path.resolve().name}',
+        lambda subject: str(subject.run.path),
+    ]
+    for kind in kinds:
+        names = [kind(subject) for subject in subjects]
+        if all(names) and len(set(names)) == len(names):
+            break
+    return names
+
+
+def _namespace(subject: Subject) -> str:
+    about: dict[str, Any] = subject.history.about
+    return str(about.get('namespace', '')).strip('/')

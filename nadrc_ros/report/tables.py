@@ -1,0 +1,127 @@
+"""The tables of a report, as HTML: whatever comes from files is escaped here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from nadrc_ros.report.columns import Array
+from nadrc_ros.report.figures_of_merit import ROWS, shown, wins
+from nadrc_ros.report.markup import table
+from nadrc_ros.report.moments import Moment, node_of, text_of
+from nadrc_ros.report.subject import Subject
+import numpy as np
+
+# More changes are counted, not listed.
+LISTED = 200
+MISSING = '–'
+# Parameters named by topics, which differ between namespaces anyway.
+WIRING = 'qos_overrides.'
+
+
+def figures_of_merit(subjects: Mapping[str, Subject]) -> str:
+    """Return a row for each figure; the lowest in bold, all digits where the pointer rests."""
+    rows = []
+    for key, label, meaning in ROWS:
+        values = [float(getattr(subject.metrics, key)) for subject in subjects.values()]
+        cells = [_figure(key, value, wins(value, values)) for value in values]
+        if key == 'saturated_fraction':
+            known = [subject.knows_limits for subject in subjects.values()]
+            cells = [cell if k else MISSING for cell, k in zip(cells, known)]
+        rows.append([f'<b>{label}</b>', meaning, *cells])
+    rows += _counted(subjects)
+    return table(['', '', *map(escape, subjects)], rows, words=(0, 1))
+
+
+def _figure(key: str, value: float, best: bool) -> str:
+    text = f'<span title="{value!r}">{shown(key, value)}</span>'
+    return f'<b>{text}</b>' if best else text
+
+
+def _counted(subjects: Mapping[str, Subject]) -> list[list[str]]:
+    runs = subjects.values()
+    return [
+        ['rows', 'samples recorded', *(str(len(subject.time)) for subject in runs)],
+        ['missing', 'periods without a measurement', *(str(subject.gaps) for subject in runs)],
+        [
+            'lost',
+            'samples that the recorder lost, of all signals',
+            *(_count(subject.run.summary.get('samples_lost')) for subject in runs),
+        ],
+        ['skipped', 'samples that no figure counts', *(str(s.metrics.skipped) for s in runs)],
+    ]
+
+
+def _count(value: object) -> str:
+    return str(value) if isinstance(value, int) else MISSING
+
+
+def changes(moments: Sequence[Moment], runs: int) -> str:
+    """Return a row for each change of a parameter, with the number of its mark in the plots."""
+    rows = [
+        [
+            str(moment.number),
+            f'{moment.time:.4g} s',
+            *([escape(', '.join(names))] if runs > 1 else []),
+            escape(node_of(change.node)),
+            escape(change.name),
+            escape(text_of(change.before)),
+            escape(text_of(change.after)),
+        ]
+        for moment in moments
+        for change, names in moment.changes
+    ]
+    header = ['mark', 'time', *(['run'] if runs > 1 else []), 'node', 'parameter', 'from', 'to']
+    return table(header, rows[:LISTED], words=range(len(header)))
+
+
+def timing(columns: Mapping[str, Array]) -> str:
+    """Return median, 99 % and largest of times [s], in milliseconds, a row for each run."""
+    rows = []
+    for name, values in columns.items():
+        found = [np.median(values), np.quantile(values, 0.99), values.max()] if values.size else []
+        cells = [f'{1e3 * value:.3f}' for value in found] or [MISSING] * 3
+        rows.append([escape(name), str(values.size), *cells])
+    return table(['', 'samples', 'median [ms]', '99 % [ms]', 'largest [ms]'], rows)
+
+
+def parameters(subjects: Mapping[str, Subject], different: bool) -> str:
+    """Return the first values of all parameters, or of those in which runs differ; '' if none."""
+    found = {
+        run: {
+            (node_of(node), name): text_of(value)
+            for node, values in subject.history.parameters.items()
+            for name, value in values.items()
+        }
+        for run, subject in subjects.items()
+    }
+    rows = []
+    for node, name in dict.fromkeys(key for values in found.values() for key in values):
+        cells = [values.get((node, name), MISSING) for values in found.values()]
+        if not different or (len(set(cells)) > 1 and not name.startswith(WIRING)):
+            rows.append([escape(node), escape(name), *map(escape, cells)])
+    header = ['node', 'parameter', *map(escape, subjects)]
+    return table(header, rows, words=range(len(header))) if rows else ''
+
+
+def origin(subjects: Mapping[str, Subject]) -> str:
+    """Return where each run was read from, when it was started, and by what versions."""
+    found = {run: _origin(subject) for run, subject in subjects.items()}
+    rows = [
+        [escape(key), *(escape(values.get(key, MISSING)) for values in found.values())]
+        for key in dict.fromkeys(key for values in found.values() for key in values)
+    ]
+    return table(['', *map(escape, subjects)], rows, words=range(1 + len(subjects)))
+
+
+def _origin(subject: Subject) -> dict[str, str]:
+    about = subject.history.about
+    versions = about.get('versions')
+    found = {'read from': str(subject.run.path)}
+    found |= {key: text_of(about[key]) for key in ('started', 'namespace') if key in about}
+    for values in subject.history.parameters.values():
+        if 'seed' in values:  # that of the plant
+            found['seed'] = text_of(values['seed'])
+    if isinstance(versions, dict):
+        found |= {str(key): text_of(value) for key, value in versions.items()}
+    return found

@@ -1,0 +1,125 @@
+"""A report in words: what ran, how well, and whether anything was lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+
+from nadrc_ros.report.figures_of_merit import shown
+from nadrc_ros.report.moments import Moment, text_of
+from nadrc_ros.report.subject import Subject
+from nadrc_ros.simulation.metrics import SETTLE_TIME
+
+
+def title_of(subjects: Mapping[str, Subject]) -> str:
+    """Return the title, as plain text."""
+    names = list(subjects)
+    if len(names) == 1:
+        return f'Run {names[0]}'
+    return f'{", ".join(names[:-1])} and {names[-1]} compared'
+
+
+def summary_of(subjects: Mapping[str, Subject], moments: Sequence[Moment]) -> str:
+    """Return a paragraph of HTML."""
+    well = _alone if len(subjects) == 1 else _compared
+    sentences = [_what(subjects), well(subjects), *_lost(subjects), _changed(moments)]
+    return ' '.join(filter(None, sentences))
+
+
+def _what(subjects: Mapping[str, Subject]) -> str:
+    runs = [f'<b>{escape(name)}</b> ({_size(subject)})' for name, subject in subjects.items()]
+    plants = {_plant(subject) for subject in subjects.values()}
+    plant = (
+        f' on the plant {escape(plants.pop())}' if len(plants) == 1 and '' not in plants else ''
+    )
+    started = [str(s.history.about.get('started', '')) for s in subjects.values()]
+    when = f', started {escape(started[0])}' if len(started) == 1 and started[0] else ''
+    return f'{_listed(runs)} ran{plant}{when}.'
+
+
+def _size(subject: Subject) -> str:
+    length = (len(subject.time) + subject.gaps) / subject.run.rate
+    return f'{length:.4g} s at {subject.run.rate:.4g} Hz'
+
+
+def _plant(subject: Subject) -> str:
+    names = (v['plant'] for v in subject.history.parameters.values() if 'noise_variance' in v)
+    return text_of(next(names, ''))
+
+
+def _alone(subjects: Mapping[str, Subject]) -> str:
+    (subject,) = subjects.values()
+    metrics = subject.metrics
+    if not metrics.samples:
+        return 'No sample has both an error and a command.'
+    if metrics.duration <= SETTLE_TIME:
+        text = f'The error stayed within {metrics.max_error:.4g}'
+    else:
+        text = f'From {SETTLE_TIME:g} s on the error stayed within {metrics.peak_error:.4g}'
+    text += f' (RMSE {metrics.rmse:.4g} over all); ITAE is {metrics.itae:.4g}'
+    if subject.knows_limits:
+        share = shown('saturated_fraction', metrics.saturated_fraction)
+        text += f', and the command was at a limit for {share} of the time'
+    return text + '.'
+
+
+def _compared(subjects: Mapping[str, Subject]) -> str:
+    metrics = {name: subject.metrics for name, subject in subjects.items()}
+    if not all(m.samples for m in metrics.values()):
+        return 'Not every run has samples with both an error and a command.'
+    best, worst = _extremes({name: m.itae for name, m in metrics.items()})
+    text = (
+        f'<b>{escape(best)}</b> has the lowest ITAE, {metrics[best].itae:.4g} against '
+        f'{metrics[worst].itae:.4g} of <b>{escape(worst)}</b>'
+    )
+    if metrics[worst].isu > 0.0 and best != worst:
+        effort = 100.0 * (metrics[best].isu / metrics[worst].isu - 1.0)
+        text += f', with {abs(effort):.1f} % {"less" if effort < 0.0 else "more"} effort (ISU)'
+    lengths = {round(m.duration, 6) for m in metrics.values()}
+    if len(lengths) > 1:
+        text += '. The runs differ in length, and integrals such as ITAE and ISU grow with it'
+    return text + '.'
+
+
+def _extremes(values: Mapping[str, float]) -> tuple[str, str]:
+    key: Callable[[str], float] = values.__getitem__
+    return min(values, key=key), max(values, key=key)
+
+
+def _lost(subjects: Mapping[str, Subject]) -> list[str]:
+    found = [
+        f'<b>{escape(name)}</b>: {loss}' for name, s in subjects.items() for loss in losses(s)
+    ]
+    if found:
+        return [f'Beware of {"; ".join(found)}.']
+    return ['Nothing was lost.']
+
+
+def losses(subject: Subject) -> list[str]:
+    """Return what a run lacks, in words, as HTML."""
+    found = []
+    summary, metrics = subject.run.summary, subject.metrics
+    lost = summary.get('samples_lost')
+    by_signal = summary.get('samples_lost_by_signal')
+    if isinstance(lost, int) and lost:
+        signals = by_signal if isinstance(by_signal, dict) else {}
+        named = ', '.join(f'{escape(str(k))} {escape(str(n))}' for k, n in signals.items())
+        found.append(f'{lost} samples lost by the recorder' + (f' ({named})' if named else ''))
+    elif subject.gaps:
+        found.append(f'{subject.gaps} measurements missing')
+    if summary.get('complete') is not True and subject.is_folder:
+        found.append('the recorder did not end the run, and these are the samples that it saved')
+    if metrics.skipped:
+        found.append(f'{metrics.skipped} samples not finite, which no figure counts')
+    return found
+
+
+def _changed(moments: Sequence[Moment]) -> str:
+    count = sum(len(moment.changes) for moment in moments)
+    if not count:
+        return ''
+    return f'{count} parameter{"s were" if count > 1 else " was"} changed on the way.'
+
+
+def _listed(items: Sequence[str]) -> str:
+    return ', '.join(items[:-1]) + ' and ' + items[-1] if len(items) > 1 else items[0]
