@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from html import escape
 from math import pi
 
+import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.report.columns import Array
@@ -38,39 +39,53 @@ def spectrum(plotter: Plotter) -> Plot | None:
             )
     if not figure.data:
         return None
-    for label, (speed, runs) in bandwidths(plotter.subjects).items():
-        colour = plotter.colour(runs[0]) if len(runs) < len(plotter.subjects) else INK
-        figure.add_vline(speed / (2.0 * pi), line={'color': colour, 'width': 1, 'dash': 'dash'})
+    for each in bandwidths(plotter.subjects):
+        common = len(each.runs) == len(plotter.subjects)
+        colour = INK if common else plotter.colour(next(iter(each.runs)))
+        frequency = each.value / (2.0 * pi)
+        figure.add_vline(frequency, line={'color': colour, 'width': 1, 'dash': 'dash'})
         figure.add_annotation(
-            x=np.log10(speed / (2.0 * pi)), y=0.02, yref='paper', text=label, showarrow=False,
-            textangle=-90, xanchor='right', yanchor='bottom', font={'color': colour, 'size': 11},
-        )  # fmt: skip
+            x=np.log10(frequency),
+            y=0.02,
+            yref='paper',
+            text=f'{", ".join(each.names)}: {each.value:g} rad/s',
+            font={'color': colour, 'size': 11},
+            bgcolor='rgba(255,255,255,0.8)',
+            textangle=-90,
+            xanchor='right',
+            yanchor='bottom',
+            showarrow=False,
+        )
     return Plot(figure, timed=False)
 
 
-def bandwidths(subjects: Mapping[str, Subject]) -> dict[str, tuple[float, list[str]]]:
-    """Return each bandwidth of the controllers [rad/s] by what to write at it, and its runs."""
-    found: dict[str, tuple[float, dict[str, list[str]]]] = {}
-    for name, subject in subjects.items():
+@attrs.frozen
+class Bandwidth:
+    """A bandwidth [rad/s], what has it, and in which runs; the two are ordered sets."""
+
+    value: float
+    names: dict[str, None] = attrs.field(factory=dict)
+    runs: dict[str, None] = attrs.field(factory=dict)
+
+
+def bandwidths(subjects: Mapping[str, Subject]) -> list[Bandwidth]:
+    """Return the bandwidths of the controllers, at the start and after changes."""
+    found: dict[float, Bandwidth] = {}
+    for run, subject in subjects.items():
         for _, settings in subject.settings:
-            for what, speed in _bandwidths(settings).items():
-                _, known = found.setdefault(f'{speed:g}', (speed, {}))
-                runs = known.setdefault(what, [])
-                if name not in runs:
-                    runs.append(name)
-    return {
-        f'{", ".join(known)} {text} rad/s': (
-            speed,
-            sorted({r for runs in known.values() for r in runs}),
-        )
-        for text, (speed, known) in found.items()
-    }
+            for name, value in _bandwidths(settings).items():
+                known = found.setdefault(value, Bandwidth(value))
+                known.names[name] = None
+                known.runs[run] = None
+    return list(found.values())
 
 
 def _bandwidths(settings: ControllerSettings) -> dict[str, float]:
     levels = make_design(settings).bandwidths
-    named = {f'level {k}' if len(levels) > 1 else 'observer': w for k, w in enumerate(levels, 1)}
-    return {'controller': settings.controller_bandwidth, **named}
+    return {
+        'controller': settings.controller_bandwidth,
+        **{f'level {k}': bandwidth for k, bandwidth in enumerate(levels, 1)},
+    }
 
 
 def latency(plotter: Plotter) -> Plot | None:

@@ -31,7 +31,7 @@ def page(subjects: Mapping[str, Subject]) -> str:
     plotter = Plotter(subjects, moments)
     sections = {
         'figures': ('Figures of merit', tables.figures_of_merit(subjects)),
-        'changes': ('Changes on the way', _changes(moments, len(subjects))),
+        'changes': ('Changes on the way', _changes(moments, list(subjects))),
         'output': ('Output and reference', _plot(plotter.output())),
         'error': ('Error', _note(_which_error(subjects)) + _plot(plotter.error())),
         'command': ('Command', _plot(plotter.command())),
@@ -72,7 +72,7 @@ def _plot(plot: Plot) -> str:
     )
 
 
-def _changes(moments: Sequence[Moment], runs: int) -> str:
+def _changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
     if not moments:
         return ''
     count = sum(len(moment.changes) for moment in moments)

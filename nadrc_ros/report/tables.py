@@ -28,9 +28,9 @@ def figures_of_merit(subjects: Mapping[str, Subject]) -> str:
         if key == 'saturated_fraction':
             known = [subject.knows_limits for subject in subjects.values()]
             cells = [cell if k else MISSING for cell, k in zip(cells, known)]
-        rows.append([f'<b>{label}</b>', meaning, *cells])
+        rows.append([_labelled(f'<b>{label}</b>', meaning), *cells])
     rows += _counted(subjects)
-    return table(['', '', *map(escape, subjects)], rows, words=(0, 1))
+    return table(['', *map(escape, subjects)], rows)
 
 
 def _figure(key: str, value: float, best: bool) -> str:
@@ -38,17 +38,18 @@ def _figure(key: str, value: float, best: bool) -> str:
     return f'<b>{text}</b>' if best else text
 
 
+def _labelled(label: str, meaning: str) -> str:
+    return f'{label} <span class="meaning">{meaning}</span>'
+
+
 def _counted(subjects: Mapping[str, Subject]) -> list[list[str]]:
     runs = subjects.values()
+    lost = (_count(subject.run.summary.get('samples_lost')) for subject in runs)
     return [
-        ['rows', 'samples recorded', *(str(len(subject.time)) for subject in runs)],
-        ['missing', 'periods without a measurement', *(str(subject.gaps) for subject in runs)],
-        [
-            'lost',
-            'samples that the recorder lost, of all signals',
-            *(_count(subject.run.summary.get('samples_lost')) for subject in runs),
-        ],
-        ['skipped', 'samples that no figure counts', *(str(s.metrics.skipped) for s in runs)],
+        [_labelled('rows', 'samples recorded'), *(str(len(s.time)) for s in runs)],
+        [_labelled('missing', 'periods without a measurement'), *(str(s.gaps) for s in runs)],
+        [_labelled('lost', 'by the recorder, of all signals'), *lost],
+        [_labelled('skipped', 'counted in no figure'), *(str(s.metrics.skipped) for s in runs)],
     ]
 
 
@@ -56,13 +57,14 @@ def _count(value: object) -> str:
     return str(value) if isinstance(value, int) else MISSING
 
 
-def changes(moments: Sequence[Moment], runs: int) -> str:
+def changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
     """Return a row for each change of a parameter, with the number of its mark in the plots."""
+    several = len(runs) > 1
     rows = [
         [
             str(moment.number),
             f'{moment.time:.4g} s',
-            *([escape(', '.join(names))] if runs > 1 else []),
+            *([escape(', '.join(run for run in runs if run in names))] if several else []),
             escape(node_of(change.node)),
             escape(change.name),
             escape(text_of(change.before)),
@@ -71,7 +73,7 @@ def changes(moments: Sequence[Moment], runs: int) -> str:
         for moment in moments
         for change, names in moment.changes
     ]
-    header = ['mark', 'time', *(['run'] if runs > 1 else []), 'node', 'parameter', 'from', 'to']
+    header = ['mark', 'time', *(['run'] if several else []), 'node', 'parameter', 'from', 'to']
     return table(header, rows[:LISTED], words=range(len(header)))
 
 

@@ -1,0 +1,276 @@
+"""`nadrc report` on what runs leave: whole, poor, broken and hostile."""
+
+from __future__ import annotations
+
+from base64 import b64decode
+from html import unescape
+from html.parser import HTMLParser
+import json
+from math import nan
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from bag_helpers import write_bag
+from nadrc_ros.cli.app import app
+from nadrc_ros.recording import RunSettings, SAMPLES, SUMMARY
+from nadrc_ros.run_history import ABOUT, append_parameters, PARAMETERS
+import numpy as np
+import pytest
+from report_helpers import describe, NOTHING, record, SIGNALS
+from typer.testing import CliRunner
+
+ORDER = 'figures changes output error command disturbance spectrum timing parameters origin'
+HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)>"\'&'
+
+
+class Page(HTMLParser):
+    """What a browser would make of a page: its text, and what may load or run something."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.source = source
+        self.text = ''
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.plots: list[dict[str, Any]] = []
+        self._inside: list[str] = []
+        self.feed(source)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._inside.append(tag if dict(attrs).get('type') is None else 'plot')
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside.pop()
+
+    def handle_data(self, data: str) -> None:
+        if self._inside and self._inside[-1] == 'plot':
+            self.plots.append(json.loads(data))
+        elif self._inside and self._inside[-1] not in ('script', 'style'):
+            self.text += data
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def labels(self) -> set[str]:
+        return {unescape(line['name']) for plot in self.plots for line in plot['data']}
+
+
+def nadrc(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def report(*runs: Path, **options: Any) -> Page:
+    out = runs[0].parent / 'page.html'
+    named = [text for key, value in options.items() for text in (f'--{key}', value)]
+    done = nadrc('report', *runs, '--out', out, *named)
+    assert done.exit_code == 0, done.output
+    return Page(out.read_text(encoding='utf-8'))
+
+
+def numbers(column: dict[str, str]) -> Any:
+    return np.frombuffer(b64decode(column['bdata']), column['dtype'])
+
+
+def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    describe(run, '/mine', b0=2.0)
+    append_parameters(run, 1.5, '/mine/controller', {'inner_bandwidth': 55.5})
+    page = report(run)
+    metrics = json.loads((run / SUMMARY).read_text())['metrics']
+    for name in ('itae', 'isu', 'iae', 'rmse', 'max_error', 'peak_error', 'total_variation'):
+        assert f'title="{metrics[name]!r}">{metrics[name]:.4g}<' in page.source, name
+    sections = [attrs['id'] for tag, attrs in page.tags if tag == 'h2']
+    links = [(attrs['href'] or '')[1:] for tag, attrs in page.tags if tag == 'a']
+    assert sections == links
+    assert sections == ORDER.split()
+    assert 'mine (4 s at 100 Hz) ran on the plant paper' in page.text
+    assert 'Nothing was lost. 1 parameter was changed on the way.' in page.text
+    for text in ('inner_bandwidth', '55.5', str(2**63 - 1)):
+        assert text in page.text
+    bandwidths = [mark['text'] for mark in page.plots[-3]['layout']['annotations']]
+    assert 'level 1: 55.5 rad/s' in bandwidths and 'controller: 4 rad/s' in bandwidths
+    assert {'reference', 'mine', 'truth', 'estimate', 'level 1', 'level 2'} <= page.labels()
+    timed = [plot for plot in page.plots if plot['layout'].get('hovermode') == 'x unified']
+    assert len(timed) == 4 and len(page.plots) == 7
+    assert all(plot['layout']['shapes'][0]['x0'] == 1.5 for plot in timed)
+    assert all(plot['layout']['xaxis']['range'] == [0.0, 3.99] for plot in timed)
+
+
+def test_a_page_loads_nothing_and_is_not_large(tmp_path: Path) -> None:
+    page = report(record(tmp_path))
+    for tag, attrs in page.tags:
+        assert tag not in ('link', 'iframe', 'object', 'img') or attrs.get('href') == 'data:,'
+        for name in ('src', 'srcset', 'href', 'action', 'poster', 'data'):
+            assert (attrs.get(name) or '#').startswith(('#', 'data:')), (tag, attrs)
+    own = re.sub(r'<script>.*?</script>', '', page.source, flags=re.DOTALL)
+    assert not re.search(r'https?:|@import|url\(', own)
+    assert len(page.source) < 7e6
+    assert page.source.count('plotly.js v') == 1
+
+
+def test_a_long_run_is_thinned_to_its_peaks(tmp_path: Path) -> None:
+    run = record(tmp_path, count=40_000)
+    lines = (run / SAMPLES).read_text().splitlines(keepends=True)
+    peak = lines[12_346].split(',')
+    lines[12_346] = ','.join([*peak[:3], '123.25', *peak[4:]])
+    (run / SAMPLES).write_text(''.join(lines))
+    page = report(run)
+    assert len(page.source) < 10e6
+    (line,) = page.plots[2]['data']
+    times, commands = numbers(line['x']), numbers(line['y'])
+    assert len(times) == len(commands) < 30_000
+    assert times[commands.argmax()] == 123.45 and commands.max() == 123.25
+
+
+@pytest.mark.parametrize('where', ['folder', 'namespace', 'parameter', 'about', 'summary'])
+def test_hostile_names_are_only_text(where: str, tmp_path: Path) -> None:
+    plain = HOSTILE.replace('/', '∕')
+    run = record(tmp_path / (plain if where == 'folder' else 'runs'))
+    describe(run, '/' + (plain if where == 'namespace' else 'mine'), b0=2.0)
+    if where == 'folder':
+        (run / ABOUT).unlink()
+        run = run.rename(run.parent / plain)
+    if where == 'parameter':
+        append_parameters(run, None, f'/mine/{HOSTILE}', {HOSTILE: HOSTILE, 'plant': HOSTILE})
+        append_parameters(run, 1.0, f'/mine/{HOSTILE}', {HOSTILE: [HOSTILE, {HOSTILE: 1}]})
+    if where == 'about':
+        content = {'started': HOSTILE, 'namespace': [HOSTILE], 'versions': {HOSTILE: HOSTILE}}
+        (run / ABOUT).write_text(json.dumps(content))
+    if where == 'summary':
+        lost = {'samples_lost': 3, 'samples_lost_by_signal': {HOSTILE: HOSTILE}}
+        (run / SUMMARY).write_text(json.dumps(lost))
+    other = record(tmp_path / 'other', seed=2)
+    describe(other, '/other')
+    for page in (report(run), report(run, other)):
+        scripts = [attrs for tag, attrs in page.tags if tag == 'script']
+        assert len(scripts) == len(page.plots) + 2
+        assert not any(tag == 'img' for tag, _ in page.tags)
+        assert not any(name.startswith('on') for _, attrs in page.tags for name in attrs)
+        for plot in page.plots:
+            labels = [line['name'] for line in plot['data']]
+            texts = [each['text'] for each in plot['layout'].get('annotations', [])]
+            assert not any('<' in text for text in labels + texts)
+        assert 'alert(1)' in page.text
+
+
+def test_hostile_files_are_named_in_one_line(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    for name, content in (
+        (ABOUT, '[]'),
+        (ABOUT, '{'),
+        (PARAMETERS, '{"time": 1, "node": 2, "values": {}}\n'),
+        (PARAMETERS, '{"time": NaN, "node": "a", "values": {}}\n'),
+        (PARAMETERS, '{"time": 1, "node": "a", "values": []}\n'),
+        (PARAMETERS, '7\n'),
+    ):
+        (run / name).write_text(content)
+        done = nadrc('report', run)
+        assert done.exit_code == 1
+        assert done.output.startswith(f'nadrc: {run}: {name}')
+        assert done.output.count('\n') == 1
+        assert not (run / 'report.html').exists()
+        (run / name).unlink()
+
+
+def test_a_line_that_was_cut_short_is_left_out(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    describe(run, '/mine')
+    with (run / PARAMETERS).open('a') as file:
+        file.write('{"time": 1.0, "node": "/mine/contr')
+    assert 'changed on the way' not in report(run).text
+
+
+def test_a_run_without_truth_stamps_or_parameters_says_so(tmp_path: Path) -> None:
+    page = report(record(tmp_path, columns=SIGNALS[:3], summary=False))
+    for text in (
+        'Neither an estimate of the disturbance nor its true value was recorded.',
+        'It was not recorded when samples left their publishers',
+        'The parameters of the nodes were not recorded.',
+        'the recorder did not end the run',
+    ):
+        assert text in page.text
+    assert len(page.plots) == 4
+
+
+@pytest.mark.parametrize(
+    'options',
+    [{'count': 1}, {'count': 2}, NOTHING, {'command': nan}, {'reference': nan, **NOTHING}],
+    ids=['one row', 'two rows', 'no truth', 'no command', 'no error'],
+)
+def test_poor_runs_have_a_page_and_a_picture(options: dict[str, Any], tmp_path: Path) -> None:
+    run = record(tmp_path, **options)
+    page = report(run)
+    assert 'nan' not in page.text and 'inf' not in page.text
+    assert nadrc('report', run, '--static', tmp_path / 'a.png').exit_code == 0
+
+
+def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
+    fast = RunSettings(rate=250.0)
+    first, second = record(tmp_path / 'a'), record(tmp_path / 'b', run=fast, seed=2)
+    describe(first, '/one', inner_bandwidth=40.0)
+    describe(second, '/two', inner_bandwidth=60.0)
+    for run, time, value in ((first, 1.0, 9.5), (second, 1.05, 9.5), (second, 1.5, 7.5)):
+        node = '/one/controller' if run == first else '/two/controller'
+        append_parameters(run, time, node, {'outer_bandwidth': value})
+    page = report(first, second)
+    assert page.text.startswith('one and two compared') or 'one and two compared' in page.text
+    assert 'one (4 s at 100 Hz) and two (1.6 s at 250 Hz) ran' in page.text
+    assert 'The runs differ in length' in page.text
+    assert {'one', 'two', 'measurement, one'} <= page.labels()
+    assert re.search('Those in which the runs differ.*inner_bandwidth', page.text, re.DOTALL)
+    marks = page.plots[0]['layout']['annotations']
+    assert [mark['text'] for mark in marks] == ['1', '2']
+    assert '<td>one, two</td>' in page.source
+
+
+def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:
+    times = [0.01 * k for k in range(300)]
+    loop = {
+        f'/arm/{topic}': [(t + late, 1.0 / (1.0 + t)) for t in times]
+        for topic, late in (('reference', 0.0), ('measurement', 0.001), ('command', 0.002))
+    }
+    bag = write_bag(tmp_path / 'bag', loop, mcap=True)
+    page = report(bag)
+    assert 'bag (3 s at 100 Hz) ran. ' in page.text
+    assert 'Nothing was lost.' in page.text
+    states = write_bag(tmp_path / 'states', {'/x': loop['/arm/measurement'], **loop})
+    assert report(states, topic='measurement=/x').plots
+    assert nadrc('report', states, '--topic', 'measurement').exit_code == 2
+    assert '/arm' in nadrc('report', states, '--topic', 'measurement=/y').output
+
+
+def test_without_out_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> None:
+    first, second = record(tmp_path), record(tmp_path)
+    assert str(first / 'report.html') in nadrc('report', first).output
+    assert nadrc('report', first, second).exit_code == 0
+    assert (first / 'report.html').is_file() and (first / 'comparison.html').is_file()
+    assert not list(first.glob('.*'))
+    assert nadrc('report', *tmp_path.glob('*')).exit_code == 0
+
+
+@pytest.mark.parametrize('suffix', ['png', 'svg'])
+def test_a_static_picture_needs_no_plotly(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = record(tmp_path)
+    describe(run, '/mine')
+    append_parameters(run, 1.5, '/mine/controller', {'b0': 3.0})
+    for name in [n for n in sys.modules if n.startswith('nadrc_ros.report.p') or n == 'plotly']:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, 'plotly', None)
+    picture = tmp_path / f'a.{suffix}'
+    assert nadrc('report', run, '--static', picture).exit_code == 0
+    assert picture.read_bytes()[:4] in (b'\x89PNG', b'<?xm')
+    done = nadrc('report', run)
+    assert done.exit_code == 1
+    assert 'pip install "nadrc_ros[report]"' in done.output
+    assert nadrc('report', run, '--static', 'a.gif').exit_code == 2
+
+
+def test_what_is_no_run_is_named(tmp_path: Path) -> None:
+    done = nadrc('report', record(tmp_path / 'runs'), tmp_path / 'nothing')
+    assert (done.exit_code, done.output.count('\n')) == (1, 1)
+    assert f'{tmp_path / "nothing"}: there is no such file' in done.output
+    assert nadrc('report').exit_code == 2
