@@ -105,7 +105,7 @@ $(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/ru
 	touch $@
 
 # $(VENV)/run holds what the package needs, dev also what its tests need, lint what checks it, bench its rivals, docs Sphinx.
-$(VENV)/run: GROUPS := $(WHEELS)
+$(VENV)/run: GROUPS := report $(WHEELS)
 $(VENV)/dev: GROUPS := test speed
 $(VENV)/lint: GROUPS := lint
 $(VENV)/lint: $(VENV)/dev

@@ -70,6 +70,7 @@ def demo(
         _write_picture(out / 'demo.png', path.stem, scenario, runs)
         _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
         typer.echo(f'picture {out / "demo.png"}, figures {out / "summary.json"}')
+        typer.echo(f'more in: nadrc report {" ".join(str(run.folder) for run in runs.values())}')
         if lockstep:
             _compare(scenario, runs)
 
@@ -160,9 +161,11 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
-    from nadrc_ros.report.caption import marks_of, title_of
+    from nadrc_ros.report.caption import title_of
     from nadrc_ros.report.columns import Trace
     from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.report.moments import moments_of
+    from nadrc_ros.run_history import read_history
     from nadrc_ros.writing import write_whole
 
     names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')
@@ -173,19 +176,19 @@ def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str,
         )
         for run, result in runs.items()
     }
-    write_whole(path, render(draw(traces, title_of(name, scenario), marks_of(scenario)), 'png'))
+    moments = moments_of({run: read_history(result.folder) for run, result in runs.items()})
+    marks = [moment.mark() for moment in moments]
+    write_whole(path, render(draw(traces, title_of(name, scenario), marks), 'png'))
 
 
-def _truth(scenario: 'Scenario', name: str, run: 'Run') -> list[float]:
+def _truth(scenario: 'Scenario', name: str, run: 'Run') -> Any:
     """Return L = y^(n) - b0 u for the b0 of the controller; the plant recorded it for its own."""
-    plant_b0 = scenario.plant.make().b0
+    from nadrc_ros.report.timeline import referred
+
     changes = [(0.0, scenario.controllers[name].b0)]
     changes += [(r.time, r.settings['b0']) for r in scenario.retunes if 'b0' in r.settings]
-    columns = (run.samples[key] for key in ('time', 'command', 'total_disturbance'))
-    return [
-        truth + (plant_b0 - [b0 for start, b0 in changes if start <= t][-1]) * u
-        for t, u, truth in zip(*columns)
-    ]
+    time, command, truth = (run.samples[k] for k in ('time', 'command', 'total_disturbance'))
+    return referred(time, command, truth, [(0.0, scenario.plant.make().b0)], changes)
 
 
 def _write_summary(

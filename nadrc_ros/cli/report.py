@@ -49,7 +49,7 @@ def report(
         try:
             from nadrc_ros.report.page import page
         except ImportError as error:
-            complain(f'{error}: pip install "nadrc_ros[report]", or use --static')
+            complain(f'{error}: pip install plotly, or use --static')
             raise typer.Exit(1) from None
         from nadrc_ros.writing import write_whole
 

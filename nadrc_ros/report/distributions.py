@@ -25,7 +25,7 @@ def spectrum(plotter: Plotter) -> Plot | None:
     """Return the spectra of the commands with the bandwidths, None where no run is long enough."""
     figure = base('density of u [u²/Hz]', 'frequency [Hz]')
     figure.update_xaxes(type='log', exponentformat='power', dtick=1)
-    figure.update_yaxes(type='log', exponentformat='power')
+    figure.update_yaxes(type='log', exponentformat='power', dtick=1)
     for name, subject in plotter.subjects.items():
         found = command_spectrum(subject.time, subject.command, subject.run.rate)
         if found is not None and (found[1] > 0.0).any():
@@ -33,7 +33,7 @@ def spectrum(plotter: Plotter) -> Plot | None:
                 x=found[0],
                 y=np.where(found[1] > 0.0, found[1], np.nan),
                 mode='lines',
-                name=escape(name),
+                name=escape(name, quote=False),
                 line={'color': plotter.colour(name), 'width': 1.5},
                 hovertemplate='%{x:.4g} Hz: %{y:.4g}',
             )
@@ -125,7 +125,7 @@ def _histogram(plotter: Plotter, columns: Mapping[str, Array], title: str) -> Pl
             x=0.5 * (edges[:-1] + edges[1:]),
             y=100.0 * counts / values.size,
             width=np.diff(edges),
-            name=escape(name),
+            name=escape(name, quote=False),
             marker={'color': plotter.colour(name), 'opacity': 0.65, 'line': {'width': 0}},
             hovertemplate='%{x:.3g} ms: %{y:.3g} %',
         )

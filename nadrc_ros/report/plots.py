@@ -17,7 +17,7 @@ import numpy as np
 from plotly import graph_objects as go
 
 # Points of all lines of a page together, some 21 bytes each.
-POINTS = 200_000
+POINTS = 150_000
 FEWEST = 1_000
 MARKED = 40
 HEIGHT = 300  # px
@@ -61,18 +61,17 @@ class Plotter:
     def output(self) -> Plot:
         """Return outputs, references and, hidden at first, measurements."""
         figure = self._timed('output y and reference r')
+        first = next(iter(self.subjects))
         for name, subject in self.subjects.items():
-            look = {'legendgroup': 'reference', 'showlegend': name == next(iter(self.subjects))}
-            reference = subject.column('reference')
-            self._line(figure, subject, reference, 'reference', REFERENCE, **look)
+            one = {'legendgroup': 'reference', 'showlegend': name == first}
+            self._line(figure, subject, 'reference', subject.column('reference'), REFERENCE, **one)
         for name, subject in self.subjects.items():
-            self._line(figure, subject, subject.output, name, self._looks[name])
+            self._line(figure, subject, name, subject.output, self._looks[name])
         for name, subject in self.subjects.items():
-            if np.isfinite(subject.column('output')).any():
-                thin = {'color': self.colour(name), 'width': 0.8}
-                measured = subject.run.columns['measurement']
-                label = f'measurement, {name}' if len(self.subjects) > 1 else 'measurement'
-                self._line(figure, subject, measured, label, thin, visible='legendonly')
+            one = {'legendgroup': 'measurement', 'showlegend': name == first}
+            thin = {'color': self.colour(name), 'width': 0.8}
+            measured = subject.run.columns['measurement']
+            self._line(figure, subject, 'measurement', measured, thin, visible='legendonly', **one)
         return Plot(figure)
 
     def error(self) -> Plot:
@@ -99,14 +98,14 @@ class Plotter:
                 lines[level.replace('_', ' ')] = subject.run.columns[level], look
         shown = {label: line for label, line in lines.items() if np.isfinite(line[0]).any()}
         for label, (values, look) in shown.items():
-            self._line(figure, subject, values, label, look)
+            self._line(figure, subject, label, values, look)
         return self._framed(figure, [(subject.time, values) for values, _ in shown.values()])
 
     def _each(self, title: str, columns: Mapping[str, Array], shape: str = 'linear') -> Plot:
         figure = self._timed(title)
         for name, values in columns.items():
             look = {**self._looks[name], 'shape': shape}
-            self._line(figure, self.subjects[name], values, name, look)
+            self._line(figure, self.subjects[name], name, values, look)
         lines = [(self.subjects[name].time, values) for name, values in columns.items()]
         return self._framed(figure, lines)
 
@@ -118,14 +117,14 @@ class Plotter:
         return Plot(figure, note='The start is cut off; a double click shows all of it.')
 
     def _line(
-        self, figure: go.Figure, subject: Subject, values: Array, name: str, look: Any, **more: Any
+        self, figure: go.Figure, subject: Subject, name: str, values: Array, look: Any, **more: Any
     ) -> None:
         chosen = kept(values, self._points)
         figure.add_scatter(
             x=subject.time[chosen],
             y=values[chosen],
             mode='lines' if len(chosen) > 1 else 'markers',
-            name=escape(name),
+            name=escape(name, quote=False),
             line=look,
             hovertemplate='%{y:.6g}',
             **more,

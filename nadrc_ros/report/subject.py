@@ -20,7 +20,7 @@ from nadrc_ros.recording import (
 from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, Steps
 from nadrc_ros.run_history import History, read_history
-from nadrc_ros.simulation.metrics import Metrics, MetricValues
+from nadrc_ros.simulation.metrics import Metrics, MetricValues, SETTLE_TIME
 import numpy as np
 
 NO_LIMITS = FigureSettings()
@@ -119,6 +119,13 @@ class Subject:
         followed = np.rint(np.diff(self.time) * self.run.rate) == 1.0
         return np.asarray(spans[followed & np.isfinite(spans)])
 
+    def figure_of_merit(self, name: str) -> float | None:
+        """Return one of the figures, None where the run does not tell it."""
+        late = name == 'peak_error' and self.time[-1] < SETTLE_TIME
+        if late or (name == 'saturated_fraction' and not self.knows_limits):
+            return None
+        return float(getattr(self.metrics, name))
+
     def column(self, name: str) -> Array:
         """Return a column, not-a-number where it was not recorded."""
         return self.run.columns.get(name, np.full(len(self.time), np.nan))
@@ -133,6 +140,13 @@ class Subject:
             disturbance_estimate=self.column('disturbance_estimate'),
             total_disturbance=self.truth,
         )
+
+
+def comparable(subjects: Mapping[str, Subject]) -> bool:
+    """Tell whether integrals over the runs compare: whether these are of one length."""
+    longest = max(subject.metrics.duration for subject in subjects.values())
+    within = [subject.metrics.duration >= 0.99 * longest for subject in subjects.values()]
+    return all(within)
 
 
 def read_subjects(

@@ -9,7 +9,7 @@ from nadrc_ros.report.columns import Array
 from nadrc_ros.report.figures_of_merit import ROWS, shown, wins
 from nadrc_ros.report.markup import table
 from nadrc_ros.report.moments import Moment, node_of, text_of
-from nadrc_ros.report.subject import Subject
+from nadrc_ros.report.subject import comparable, Subject
 import numpy as np
 
 # More changes are counted, not listed.
@@ -23,19 +23,17 @@ def figures_of_merit(subjects: Mapping[str, Subject]) -> str:
     """Return a row for each figure; the lowest in bold, all digits where the pointer rests."""
     rows = []
     for key, label, meaning in ROWS:
-        values = [float(getattr(subject.metrics, key)) for subject in subjects.values()]
-        cells = [_figure(key, value, wins(value, values)) for value in values]
-        if key == 'saturated_fraction':
-            known = [subject.knows_limits for subject in subjects.values()]
-            cells = [cell if k else MISSING for cell, k in zip(cells, known)]
+        values = [subject.figure_of_merit(key) for subject in subjects.values()]
+        known = [value for value in values if value is not None] if comparable(subjects) else []
+        cells = [MISSING if v is None else _figure(key, v, known) for v in values]
         rows.append([_labelled(f'<b>{label}</b>', meaning), *cells])
     rows += _counted(subjects)
     return table(['', *map(escape, subjects)], rows)
 
 
-def _figure(key: str, value: float, best: bool) -> str:
+def _figure(key: str, value: float, all_of_them: Sequence[float]) -> str:
     text = f'<span title="{value!r}">{shown(key, value)}</span>'
-    return f'<b>{text}</b>' if best else text
+    return f'<b>{text}</b>' if all_of_them and wins(value, all_of_them) else text
 
 
 def _labelled(label: str, meaning: str) -> str:
@@ -63,7 +61,7 @@ def changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
     rows = [
         [
             str(moment.number),
-            f'{moment.time:.4g} s',
+            f'{moment.time:.4g}\u00a0s',
             *([escape(', '.join(run for run in runs if run in names))] if several else []),
             escape(node_of(change.node)),
             escape(change.name),

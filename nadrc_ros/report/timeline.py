@@ -12,6 +12,7 @@ from nadrc_ros.report.columns import Array
 from nadrc_ros.run_history import History
 from nadrc_ros.simulation.plants import PLANTS
 import numpy as np
+import numpy.typing as npt
 
 T = TypeVar('T')
 # What tells the controller and the plant of this package from other nodes.
@@ -34,7 +35,7 @@ def plant_gain(history: History) -> Steps[float]:
     return _steps(history, PLANT, _plant_b0)
 
 
-def sampled(steps: Sequence[tuple[float, float]], time: Array) -> Array:
+def sampled(steps: Sequence[tuple[float, float]], time: npt.ArrayLike) -> Array:
     """Return what holds at each time [s]; before the first step that one."""
     starts = np.array([start for start, _ in steps])
     values = np.array([value for _, value in steps])
@@ -42,9 +43,9 @@ def sampled(steps: Sequence[tuple[float, float]], time: Array) -> Array:
 
 
 def referred(
-    time: Array,
-    command: Array,
-    truth: Array,
+    time: npt.ArrayLike,
+    command: npt.ArrayLike,
+    truth: npt.ArrayLike,
     plant: Sequence[tuple[float, float]],
     controller: Sequence[tuple[float, float]],
 ) -> Array:
@@ -54,7 +55,8 @@ def referred(
     ``truth`` is the same for the b0 of the plant; ``plant`` and ``controller`` hold both gains
     with the times [s] from which they held.
     """
-    return truth + (sampled(plant, time) - sampled(controller, time)) * command
+    gain = sampled(plant, time) - sampled(controller, time)
+    return np.asarray(np.asarray(truth) + gain * np.asarray(command))
 
 
 def _steps(

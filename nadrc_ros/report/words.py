@@ -7,8 +7,11 @@ from html import escape
 
 from nadrc_ros.report.figures_of_merit import shown
 from nadrc_ros.report.moments import Moment, text_of
-from nadrc_ros.report.subject import Subject
+from nadrc_ros.report.subject import comparable, Subject
 from nadrc_ros.simulation.metrics import SETTLE_TIME
+
+# More runs are only counted in the title.
+NAMED = 3
 
 
 def title_of(subjects: Mapping[str, Subject]) -> str:
@@ -16,6 +19,8 @@ def title_of(subjects: Mapping[str, Subject]) -> str:
     names = list(subjects)
     if len(names) == 1:
         return f'Run {names[0]}'
+    if len(names) > NAMED:
+        return f'{len(names)} runs compared'
     return f'{", ".join(names[:-1])} and {names[-1]} compared'
 
 
@@ -67,17 +72,19 @@ def _compared(subjects: Mapping[str, Subject]) -> str:
     metrics = {name: subject.metrics for name, subject in subjects.items()}
     if not all(m.samples for m in metrics.values()):
         return 'Not every run has samples with both an error and a command.'
-    best, worst = _extremes({name: m.itae for name, m in metrics.items()})
+    if comparable(subjects):
+        key, before = 'itae', ''
+    else:
+        key, before = 'rmse', 'The runs differ in length, and integrals grow with it: '
+    best, worst = _extremes({name: getattr(m, key) for name, m in metrics.items()})
     text = (
-        f'<b>{escape(best)}</b> has the lowest ITAE, {metrics[best].itae:.4g} against '
-        f'{metrics[worst].itae:.4g} of <b>{escape(worst)}</b>'
+        f'{before}<b>{escape(best)}</b> has the lowest {key.upper()}, '
+        f'{getattr(metrics[best], key):.4g} against {getattr(metrics[worst], key):.4g} of '
+        f'<b>{escape(worst)}</b>'
     )
-    if metrics[worst].isu > 0.0 and best != worst:
+    if not before and metrics[worst].isu > 0.0:
         effort = 100.0 * (metrics[best].isu / metrics[worst].isu - 1.0)
         text += f', with {abs(effort):.1f} % {"less" if effort < 0.0 else "more"} effort (ISU)'
-    lengths = {round(m.duration, 6) for m in metrics.values()}
-    if len(lengths) > 1:
-        text += '. The runs differ in length, and integrals such as ITAE and ISU grow with it'
     return text + '.'
 
 
@@ -118,7 +125,11 @@ def _changed(moments: Sequence[Moment]) -> str:
     count = sum(len(moment.changes) for moment in moments)
     if not count:
         return ''
-    return f'{count} parameter{"s were" if count > 1 else " was"} changed on the way.'
+    return f'There {"were" if count > 1 else "was"} {_counted(count)} on the way.'
+
+
+def _counted(count: int) -> str:
+    return f'{count} changes of parameters' if count > 1 else 'one change of a parameter'
 
 
 def _listed(items: Sequence[str]) -> str:

@@ -1,0 +1,151 @@
+"""The parts of a report: thinning, spectrum, timelines, truth, moments, names, words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypothesis import given, strategies
+from nadrc_ros.report.columns import Array
+from nadrc_ros.report.moments import moments_of, text_of
+from nadrc_ros.report.spectrum import command_spectrum
+from nadrc_ros.report.subject import read_subjects
+from nadrc_ros.report.thinning import kept
+from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, sampled
+from nadrc_ros.run_history import append_parameters, Change, History, read_history
+import numpy as np
+import pytest
+from report_helpers import describe, record
+
+NUMBERS = strategies.floats(-1e6, 1e6) | strategies.just(float('nan'))
+
+
+@given(strategies.lists(NUMBERS, min_size=1, max_size=300), strategies.integers(5, 100))
+def test_thinning_keeps_ends_peaks_gaps_and_order(values: list[float], points: int) -> None:
+    column = np.array(values)
+    index = kept(column, points)
+    assert len(index) <= max(points, 5)
+    assert (np.diff(index) > 0).all()
+    assert index[0] == 0 and index[-1] == len(values) - 1
+    thin = column[index]
+    assert np.isnan(thin).any() == np.isnan(column).any()
+    if not np.isnan(column).all():
+        assert np.nanmin(thin) == np.nanmin(column) and np.nanmax(thin) == np.nanmax(column)
+    if len(values) <= points:
+        assert len(index) == len(values)
+
+
+def noisy_sine(count: int) -> tuple[Array, Array]:
+    time = np.arange(count) / 200.0
+    noise = np.random.default_rng(3).normal(0.0, 0.3, count)
+    return time, np.sin(2.0 * np.pi * 25.0 * time) + noise + 7.0
+
+
+def test_the_spectrum_has_the_power_of_the_command_at_its_frequency() -> None:
+    time, command = noisy_sine(4000)
+    found = command_spectrum(time, command, 200.0)
+    assert found is not None
+    frequency, density = found
+    assert frequency[density.argmax()] == pytest.approx(25.0, abs=0.3)
+    assert density.sum() * frequency[0] == pytest.approx(0.5 + 0.09, rel=0.05)  # Parseval
+    assert density[frequency > 50.0].mean() == pytest.approx(0.09 / 100.0, rel=0.1)
+
+
+def test_a_lost_sample_of_the_command_is_held_and_shifts_nothing() -> None:
+    time, command = noisy_sine(4000)
+    there = np.random.default_rng(4).random(4000) > 0.02
+    command[5:9] = np.nan
+    found = command_spectrum(time[there], command[there], 200.0)
+    assert found is not None
+    assert found[0][found[1].argmax()] == pytest.approx(25.0, abs=0.3)
+    assert command_spectrum(time[:60], command[:60], 200.0) is None
+    assert command_spectrum(time, np.full(4000, np.nan), 200.0) is None
+
+
+def test_what_holds_is_the_last_step() -> None:
+    time = np.array([-1.0, 0.0, 0.99, 1.0, 5.0])
+    assert sampled([(0.0, 2.0), (1.0, 3.0)], time).tolist() == [2.0, 2.0, 2.0, 3.0, 3.0]
+
+
+def test_the_truth_is_that_for_b0_of_the_controller_at_its_time(tmp_path: Path) -> None:
+    """L = y^(n) - b0 u: with the plant's b0 = 1 the record differs by (1 - b0) u."""
+    run = record(tmp_path)
+    describe(run, '/mine', b0=2.0)
+    append_parameters(run, 1.0, '/mine/controller', {'b0': 4.0})
+    (subject,) = read_subjects([run]).values()
+    assert subject.referred
+    recorded, u = subject.run.columns['total_disturbance'], subject.command
+    b0 = np.where(subject.time < 1.0, 2.0, 4.0)
+    np.testing.assert_allclose(subject.truth, recorded + (1.0 - b0) * u, atol=1e-12)
+    assert referred([0.0], [2.0], [1.0], [(0.0, 3.0)], [(0.0, 1.0)]).tolist() == [5.0]
+
+
+def test_the_code_of_a_plant_that_a_record_names_is_not_run(tmp_path: Path) -> None:
+    plant = tmp_path / 'plant.py'
+    plant.write_text(f'open({str(tmp_path / "ran")!r}, "w")')
+    run = record(tmp_path / 'runs')
+    describe(run, '/mine')
+    append_parameters(run, None, '/mine/plant', {'plant': str(plant)})
+    (subject,) = read_subjects([run]).values()
+    assert not subject.referred and not (tmp_path / 'ran').exists()
+    np.testing.assert_array_equal(subject.truth, subject.run.columns['total_disturbance'])
+
+
+def test_settings_that_this_version_does_not_know_are_left_out(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    describe(run, '/mine')
+    append_parameters(run, 1.0, '/mine/controller', {'structure': 'of the future'})
+    append_parameters(run, 2.0, '/mine/controller', {'structure': 'cascade', 'new': 1})
+    history = read_history(run)
+    steps = controller_settings(history)
+    assert [(time, each.structure) for time, each in steps] == [(0.0, 'nested'), (2.0, 'cascade')]
+    assert plant_gain(history) == [(0.0, 1.0)]
+    assert controller_settings(History()) == []
+
+
+def test_changes_side_by_side_are_one_moment() -> None:
+    def change(time: float, value: float, node: str = 'controller') -> Change:
+        return Change(time, f'/ns/{node}', 'b0', 1.0, value)
+
+    moments = moments_of(
+        {
+            'a': History(changes=[change(1.0, 2.0), change(3.0, 4.0)]),
+            'b': History(changes=[change(1.05, 2.0), change(1.06, 2.0, 'plant')]),
+        }
+    )
+    assert [(m.number, m.time) for m in moments] == [(1, 1.0), (2, 3.0)]
+    assert [runs for _, runs in moments[0].changes] == [['a', 'b'], ['b']]
+    assert moments[0].mark() == (1.0, 'b0 2, b0 2')
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'),
+    [
+        (40.0, '40'),
+        (0.1 + 0.2, '0.30000000000000004'),
+        (2**63 - 1, '9223372036854775807'),
+        (True, 'true'),
+        ([1.0, 0.5], '[1, 0.5]'),
+        ('a', 'a'),
+    ],
+)
+def test_values_are_shown_to_the_bit(value: object, text: str) -> None:
+    assert text_of(value) == text
+
+
+def test_runs_are_named_by_what_tells_them_apart(tmp_path: Path) -> None:
+    a, b, c = (record(tmp_path / name, count=3) for name in 'abc')
+    assert list(read_subjects([a, a])) == [a.name]
+    assert list(read_subjects([a, b])) == [str(a), str(b)] or a.name != b.name
+    describe(a, '/one')
+    describe(b, '/two')
+    describe(c, '/two')
+    assert list(read_subjects([a, b])) == ['one', 'two']
+    moved = c.rename(c.parent / 'other')
+    assert list(read_subjects([b, moved])) == [b.name, 'other']
+
+
+def test_latency_and_period_come_from_stamps(tmp_path: Path) -> None:
+    (subject,) = read_subjects([record(tmp_path, count=50, command_stamp=2.3)]).values()
+    stamps = subject.run.columns['measurement_stamp']
+    assert np.array_equal(subject.latency, 2.3 - stamps[stamps <= 2.3])
+    assert subject.periods == pytest.approx(np.full(49, 0.01), abs=2e-4)
