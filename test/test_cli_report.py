@@ -108,6 +108,8 @@ def test_a_page_loads_nothing_and_is_not_large(tmp_path: Path) -> None:
     assert not re.search(r'https?:|@import|url\(', own)
     assert len(page.source) < 7e6
     assert page.source.count('plotly.js v') == 1
+    # Plotly's button that uploads a plot is on by default
+    assert 'showSendToCloud: false' in page.source and "plotlyServerURL: ''" in page.source
 
 
 def test_a_long_run_is_thinned_to_its_peaks(tmp_path: Path) -> None:

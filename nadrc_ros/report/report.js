@@ -4,6 +4,8 @@
 const CONFIG = {
   responsive: true,
   displaylogo: false,
+  showSendToCloud: false, // nothing leaves the machine
+  plotlyServerURL: '',
   modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
 };
 const PRINTED = 680; // px: the width of A4 between its margins
@@ -22,18 +24,12 @@ function draw(box) {
 }
 
 function follow(source, change) {
-  const update = {};
-  if ('xaxis.range[0]' in change) {
-    update['xaxis.range'] = [change['xaxis.range[0]'], change['xaxis.range[1]']];
-  } else if (change['xaxis.autorange']) {
-    update['xaxis.autorange'] = true;
-  }
-  if (following || !Object.keys(update).length) return;
+  const range = source.layout.xaxis.range;
+  if (following || !Object.keys(change).some((key) => key.startsWith('xaxis.'))) return;
   following = true;
   const others = timed.filter((box) => box !== source);
-  Promise.all(others.map((box) => Plotly.relayout(box, update))).finally(() => {
-    following = false;
-  });
+  const moves = others.map((box) => Plotly.relayout(box, { 'xaxis.range': [...range] }));
+  Promise.all(moves).finally(() => { following = false; });
 }
 
 const boxes = [...document.querySelectorAll('.plot')];
