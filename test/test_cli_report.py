@@ -239,7 +239,7 @@ def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:
     assert 'bag (3 s at 100 Hz) ran. ' in page.text
     assert 'Nothing was lost.' in page.text
     states = write_bag(tmp_path / 'states', {'/x': loop['/arm/measurement'], **loop})
-    assert report(states, topic='measurement=/x').plots
+    assert report(states, record(tmp_path / 'runs'), topic='measurement=/x').plots
     assert nadrc('report', states, '--topic', 'measurement').exit_code == 2
     assert '/arm' in nadrc('report', states, '--topic', 'measurement=/y').output
 
@@ -258,8 +258,9 @@ def test_a_static_picture_needs_no_plotly(
     suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = record(tmp_path)
-    describe(run, '/mine')
-    append_parameters(run, 1.5, '/mine/controller', {'b0': 3.0})
+    describe(run, '/a$b$^')
+    append_parameters(run, 1.5, '/a$b$^/controller', {'b0': 3.0, 'file': '$^$'})
+    append_parameters(run, 1.6, '/a$b$^/controller', {'file': '$$^'})
     for name in [n for n in sys.modules if n.startswith('nadrc_ros.report.p') or n == 'plotly']:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, 'plotly', None)

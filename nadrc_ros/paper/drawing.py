@@ -26,6 +26,7 @@ LOOK = {
     'legend.fontsize': 8.5,
     'svg.fonttype': 'path',
     'svg.hashsalt': 'nadrc',
+    'text.parse_math': True,  # the ticks of logarithmic axes
 }
 
 __all__ = [

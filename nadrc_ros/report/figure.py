@@ -39,6 +39,7 @@ STYLE = {
     'grid.color': '#e4e4e4',
     'grid.linewidth': 0.6,
     'lines.linewidth': 1.2,
+    'text.parse_math': False,  # a name may have dollars
     'xtick.color': INK,
     'ytick.color': INK,
 }

@@ -15,6 +15,7 @@ from nadrc_ros.recording import (
     read_settings,
     RecordingError,
     RunSettings,
+    SAMPLES,
     SETTINGS,
 )
 from nadrc_ros.report.columns import Array, Trace
@@ -153,7 +154,7 @@ def read_subjects(
     paths: Sequence[Path], topics: Mapping[str, str] | None = None, namespace: str = ''
 ) -> dict[str, Subject]:
     """
-    Read runs, and name them by what tells them apart.
+    Read runs, and name them by what tells them apart; topics and namespace are those of bags.
 
     Raises
     ------
@@ -165,8 +166,10 @@ def read_subjects(
     """
     subjects = []
     for path in dict.fromkeys(paths):
+        bag = not (path / SAMPLES).is_file()
         try:
-            subjects.append(make_subject(read_run(path, topics, namespace), read_history(path)))
+            run = read_run(path, topics, namespace) if bag else read_run(path)
+            subjects.append(make_subject(run, read_history(path)))
         except UserError as error:
             raise RecordingError(f'{path}: {error}') from None
     return dict(zip(_names(subjects), subjects))
