@@ -17,7 +17,7 @@ def report(
         list[Path], typer.Argument(help='Folders of runs (runs/<date>) or rosbag2 bags.')
     ],
     out: Annotated[
-        Optional[Path], typer.Option(help='Where the page goes; otherwise beside the first run.')
+        Optional[Path], typer.Option(help='Where the page goes; otherwise to the first run.')
     ] = None,
     static: Annotated[
         Optional[Path],
