@@ -10,6 +10,7 @@ from typing import Annotated
 
 from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.design import design
+from nadrc_ros.cli.identify import identify
 from nadrc_ros.cli.paper import paper
 from nadrc_ros.cli.report import report
 from nadrc_ros.cli.simulate import simulate
@@ -17,7 +18,7 @@ from nadrc_ros.cli.summarise import summarise
 from nadrc_ros.cli.sweep import sweep
 import typer
 
-COMMANDS = (design, simulate, demo, paper, report, summarise, sweep)
+COMMANDS = (design, simulate, demo, report, identify, sweep, summarise, paper)
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for _command in COMMANDS:

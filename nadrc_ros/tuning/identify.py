@@ -14,9 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import attrs
-from nadrc_ros.recorded_run import RecordedRun
 from nadrc_ros.recording import RecordingError
-from nadrc_ros.tuning.identify_data import ADVICE, is_one_sine, log_of, noise_deviation
+from nadrc_ros.tuning.identify_data import ADVICE, is_one_sine, noise_deviation
 from nadrc_ros.tuning.identify_estimate import Estimate, Fit, fit_direct, refine
 from nadrc_ros.tuning.identify_predictor import Form, Log
 import numpy as np
@@ -29,7 +28,7 @@ NEARLY = 1.003
 # A record shorter than that many time constants of the noise filter tells nothing.
 SHORTEST = 30.0
 # An interval wider than that many times the estimate on either side is no estimate.
-WIDEST = 0.9
+WIDEST = 0.5
 WIDE = 0.2
 
 
@@ -78,9 +77,9 @@ class Plant:
     doubts: tuple[str, ...]
 
 
-def identify(run: RecordedRun, order: int | None = None) -> Plant:
+def identify(log: Log, order: int | None = None) -> Plant:
     """
-    Return the plant of a recorded run, of the given order or of the one that explains it best.
+    Return the plant of a log, of the given order or of the one that explains it best.
 
     Raises
     ------
@@ -88,11 +87,7 @@ def identify(run: RecordedRun, order: int | None = None) -> Plant:
         When the data cannot tell b0, with what is missing and what to do.
 
     """
-    return identify_log(log_of(run), (order,) if order else ORDERS)
-
-
-def identify_log(log: Log, orders: Sequence[int] = ORDERS) -> Plant:
-    """Return the plant of a log; see :func:`identify`."""
+    orders = (order,) if order else ORDERS
     fits = [fit for order in orders for fit in candidates(log, order)]
     chosen = simplest(fits)
     if chosen.bandwidth * log.h * len(log.command) < SHORTEST:

@@ -87,8 +87,9 @@ def fit_direct(log: Log, form: Form, near: Fit | None = None) -> Fit:
     limits = [np.full(n, -np.inf), np.full(n, np.inf)]
     if form.late:
         limits = [np.append(limits[0], 0.02), np.append(limits[1], _latest(start, log.h))]
-    low, high = np.append(limits[0], -np.log(30.0)), np.append(
-        limits[1], np.log(LARGEST_W_H / (log.h * start))
+    low, high = (
+        np.append(limits[0], -np.log(30.0)),
+        np.append(limits[1], np.log(LARGEST_W_H / (log.h * start))),
     )
     scale = float(np.std(np.diff(log.measurement))) or 1.0
 

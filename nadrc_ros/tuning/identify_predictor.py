@@ -72,8 +72,9 @@ def plant_polynomials(form: Form, parameters: Array, h: float) -> tuple[Array, A
     inner, drive = sampled[:states, :states], sampled[:states, -1]
     seen = np.zeros(states)
     seen[0] = 1.0
-    poles = np.poly(inner)
-    return poles, np.poly(inner - np.outer(drive, seen)) - poles
+    poles: Array = np.real(np.poly(inner))
+    zeros: Array = np.poly(inner - np.outer(drive, seen)) - poles
+    return poles, zeros
 
 
 def filtered(

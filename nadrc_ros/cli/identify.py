@@ -1,0 +1,182 @@
+"""`nadrc identify`: the plant behind a recorded run."""
+
+# ruff: noqa: UP045
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+from nadrc_ros.cli.failure import complain, reporting
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.tuning.identify import Plant
+    from nadrc_ros.tuning.identify_advice import Advice
+    from nadrc_ros.tuning.identify_estimate import Estimate
+
+TOLERABLE = 2.0  # a b0 that is off by more is worth a new one
+
+
+def identify(
+    run: Annotated[
+        Path, typer.Argument(help="Folder of the recorder, or a rosbag2 bag's folder or file.")
+    ],
+    order: Annotated[
+        Optional[int],
+        typer.Option(min=1, max=3, help='Order of the plant; by default what explains it best.'),
+    ] = None,
+    b0: Annotated[
+        Optional[float], typer.Option(help='The b0 in use, to say how far it is off.')
+    ] = None,
+    out: Annotated[
+        Optional[Path], typer.Option(help='Write suggested ROS parameters of a controller there.')
+    ] = None,
+    scenario: Annotated[
+        Optional[Path], typer.Option(help='Write a scenario with the identified plant there.')
+    ] = None,
+    json: Annotated[Optional[Path], typer.Option(help='Write all figures there.')] = None,
+    measurement: Annotated[
+        Optional[str], typer.Option(help='Topic of the measurement in a bag: /x/state.')
+    ] = None,
+    command: Annotated[
+        Optional[str], typer.Option(help='Topic of the command in a bag: /x/control_effort.')
+    ] = None,
+    reference: Annotated[
+        Optional[str], typer.Option(help='Topic of the reference in a bag: /x/setpoint.')
+    ] = None,
+    namespace: Annotated[str, typer.Option(help='Namespace of the loop in a bag.')] = '',
+) -> None:
+    """
+    Find order, input gain b0 and noise of a plant in the log of its closed loop.
+
+    Says how sure b0 is, and what observer bandwidth noise, rate and delay allow.
+
+    Example: nadrc identify runs/20260101-120000 --scenario mine.yaml
+    """
+    named = {'measurement': measurement, 'command': command, 'reference': reference}
+    with reporting(str(run)):
+        from nadrc_ros.recorded_run import read_run
+        from nadrc_ros.scenario.files import dump
+        from nadrc_ros.scenario.parameter_files import (
+            ANY_CONTROLLER,
+            controller_parameters,
+            parameter_text,
+        )
+        from nadrc_ros.tuning.identify import identify as find
+        from nadrc_ros.tuning.identify_advice import advise, rounded, scenario_of
+        from nadrc_ros.tuning.identify_data import log_of
+        from nadrc_ros.writing import write_json, write_whole
+
+        recorded = read_run(run, {k: v for k, v in named.items() if v is not None}, namespace)
+        log = log_of(recorded)
+        plant = find(log, order)
+        advice = advise(plant, log)
+        described = scenario_of(plant, log, advice.settings)
+    with reporting():
+        if json is not None:
+            write_json(json, _document(plant, advice, b0))
+        if out is not None:
+            parameters = controller_parameters(advice.settings, rounded(1.0 / log.h))
+            write_whole(out, parameter_text({ANY_CONTROLLER: parameters}).encode())
+        if scenario is not None:
+            write_whole(scenario, dump(described).encode())
+        _print_table(run, plant)
+        for line in _verdict(plant, advice, b0):
+            typer.echo(line)
+        for doubt in plant.doubts:
+            complain(f'{run}: {doubt}')
+
+
+def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str, Any]:
+    import attrs
+
+    def plain(estimate: 'Estimate') -> dict[str, float]:
+        return {
+            'value': estimate.value,
+            'standard_error': estimate.error,
+            'low': estimate.low,
+            'high': estimate.high,
+        }
+
+    document = attrs.asdict(plant, recurse=False)
+    for name in ('b0', 'damping', 'lateness'):
+        value = getattr(plant, name)
+        document[name] = plain(value) if value is not None else None
+    document['unexplained'] = {str(n): value for n, value in plant.unexplained.items()}
+    document['doubts'] = list(plant.doubts)
+    return {
+        **document,
+        'configured_b0': b0,
+        'bandwidth_allowed_by': advice.bandwidths,
+        'inner_bandwidth': advice.settings.inner_bandwidth,
+    }
+
+
+def _print_table(run: Path, plant: 'Plant') -> None:
+    from nadrc_ros.cli.table import console
+    from rich.table import Table
+    from rich.text import Text
+
+    n = plant.order
+    rows = [
+        ('order', f'{n}', _orders(plant)),
+        ('b0', f'{plant.b0.value:.4g}', _interval(plant.b0)),
+        ('damping', f'{plant.damping.value:.3g}', _interval(plant.damping) + ' 1/s'),
+        ('noise', f'{plant.noise:.3g}', 'standard deviation of the measurement'),
+    ]
+    if plant.damping.low > 0.0:
+        constant = f'{1.0 / plant.damping.value:.3g}'
+        rows.insert(3, ('time constant', constant, 's, 1 / damping'))
+    if plant.lateness is not None:
+        late = f'{1e3 * plant.lateness.value:.3g}'
+        rows.append((plant.late, late, 'ms, ' + _interval(plant.lateness, 1e3)))
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column()
+    table.add_column(justify='right')
+    table.add_column()
+    for name, value, meaning in rows:
+        table.add_row(name, value, Text(meaning, 'dim'))
+    seconds = plant.samples * plant.period
+    screen = console()
+    screen.print(Text(f'{run}: {plant.samples} samples, {seconds:.4g} s', 'bold'))
+    screen.print(table)
+
+
+def _orders(plant: 'Plant') -> str:
+    if len(plant.unexplained) == 1:
+        return 'as asked for'
+    others = (
+        f'order {n} leaves {100.0 * (ratio - 1.0):.1f} % more unexplained'
+        for n, ratio in plant.unexplained.items()
+        if n != plant.order
+    )
+    return ', '.join(others)
+
+
+def _interval(estimate: 'Estimate', scale: float = 1.0) -> str:
+    return f'95 %: {scale * estimate.low:.4g} to {scale * estimate.high:.4g}'
+
+
+def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]:
+    lines = [] if b0 is None else [_compared(plant, b0)]
+    shown = ', '.join(f'{rule} {w:g}' for rule, w in advice.bandwidths.items())
+    best = advice.settings
+    lines.append(
+        f'Observer bandwidth: up to {best.inner_bandwidth:g} rad/s, limited by {advice.limit} '
+        f'({shown}).'
+    )
+    lines.append(
+        f'A start: b0 {best.b0:g}, inner_bandwidth {best.inner_bandwidth:g}, outer_bandwidth '
+        f'{best.outer_bandwidth:g}, controller_bandwidth {best.controller_bandwidth:g}.'
+    )
+    return lines
+
+
+def _compared(plant: 'Plant', b0: float) -> str:
+    found = plant.b0
+    if b0 * found.value <= 0.0:
+        return f'b0 = {b0:g} has the WRONG SIGN: a loop with it runs away.'
+    if found.low <= b0 <= found.high:
+        return f'b0 = {b0:g} agrees with the log.'
+    ratio = b0 / found.value
+    factor, way = (ratio, 'large') if ratio > 1.0 else (1.0 / ratio, 'small')
+    worth = 'worth a change' if factor > TOLERABLE else 'tolerable'
+    return f'b0 = {b0:g} is {factor:.2f} times too {way}: {worth}.'
