@@ -16,17 +16,14 @@ from collections.abc import Sequence
 import attrs
 from nadrc_ros.recording import RecordingError
 from nadrc_ros.tuning.identify_data import ADVICE, is_one_sine, noise_deviation
-from nadrc_ros.tuning.identify_estimate import Estimate, Fit, fit_direct, refine
+from nadrc_ros.tuning.identify_estimate import Estimate, Fit, fit_direct, fit_late, refine
 from nadrc_ros.tuning.identify_predictor import Form, Log
 import numpy as np
 
 ORDERS = (1, 2, 3)
 SMOOTHNESS = (1, 2, 3)
-LATE = ('delay', 'lag')
 # What explains the log nearly as well counts as well: the simplest such model is taken.
 NEARLY = 1.003
-# A record shorter than that many time constants of the noise filter tells nothing.
-SHORTEST = 30.0
 # An interval wider than that many times the estimate on either side is no estimate.
 WIDEST = 0.5
 WIDE = 0.2
@@ -90,10 +87,6 @@ def identify(log: Log, order: int | None = None) -> Plant:
     orders = (order,) if order else ORDERS
     fits = [fit for order in orders for fit in candidates(log, order)]
     chosen = simplest(fits)
-    if chosen.bandwidth * log.h * len(log.command) < SHORTEST:
-        raise RecordingError(
-            f'{len(log.command) * log.h:.3g} s are too short for what moves here: {ADVICE}'
-        )
     instruments = bool(np.isfinite(log.reference).all() and np.ptp(log.reference) > 0.0)
     estimates = refine(log, chosen)[1]
     b0, late = estimates[0], chosen.form.late
@@ -129,7 +122,11 @@ def candidates(log: Log, order: int) -> list[Fit]:
         near = fits[-1] if fits else None
         fits.append(fit_direct(log, Form(order=order, smoothness=smoothness), near))
     best = simplest(fits)
-    return fits + [fit_direct(log, attrs.evolve(best.form, late=late), best) for late in LATE]
+    fits += fit_late(log, best)
+    late = simplest(fits)
+    for smoothness in SMOOTHNESS if late.form.late else ():
+        fits.append(fit_direct(log, attrs.evolve(late.form, smoothness=smoothness), late))
+    return fits
 
 
 def simplest(fits: Sequence[Fit]) -> Fit:

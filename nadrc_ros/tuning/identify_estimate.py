@@ -36,6 +36,9 @@ LAGS = (0.0, 0.01, 0.03, 0.1)
 # Poles of the instruments, relative to the noise bandwidth.
 INSTRUMENT_POLES = (0.1, 0.3, 1.0)
 LARGEST_W_H = 2.5
+# Delays from which the search starts, and ends of it, in periods.
+DELAYS = (1.0, 3.0, 6.0, 12.0, 24.0)
+SHORTEST_LATE, LONGEST_DELAY = 0.02, 40.0
 ITERATIONS = 8
 TINY = 1e-10
 
@@ -75,18 +78,35 @@ class Estimate:
         return Z95 * self.error / abs(self.value) if self.value else float('inf')
 
 
-def fit_direct(log: Log, form: Form, near: Fit | None = None) -> Fit:
+def fit_late(log: Log, near: Fit) -> list[Fit]:
+    """Return the best model with a delay, sought from several delays, and that with a lag."""
+    delay, lag = (attrs.evolve(near.form, late=late) for late in ('delay', 'lag'))
+    tried = [fit_direct(log, delay, near, late=k, rounds=6) for k in DELAYS]
+    start = min(tried, key=lambda fit: fit.innovation)
+    return [fit_direct(log, delay, start), fit_direct(log, lag, near)]
+
+
+def fit_direct(
+    log: Log, form: Form, near: Fit | None = None, late: float = 1.0, rounds: int = 40
+) -> Fit:
     """
     Return the model with the smallest innovations, sought from a similar one.
 
-    The parameters are sought in units of the time scale 1 / bandwidth of the start.
+    The parameters are sought in units of the time scale 1 / bandwidth of the start; ``late`` is
+    where the lateness starts if the similar model has none, in periods.
     """
     n, start = form.order, near.bandwidth if near else 0.1 / log.h
     unit = _units(form, start, log.h)
-    first = np.concatenate((near.parameters[:n] if near else np.zeros(n), unit[n:])) / unit
-    limits = [np.full(n, -np.inf), np.full(n, np.inf)]
+    first = np.append(near.parameters[:n] if near else np.zeros(n), unit[n:] * late) / unit
+    if near and near.form.late == form.late:
+        first = near.parameters / unit
+    fastest = _fastest(form, log.h) / unit[:n]
+    limits = [-fastest, fastest]
     if form.late:
-        limits = [np.append(limits[0], 0.02), np.append(limits[1], _latest(start, log.h))]
+        limits = [
+            np.append(limits[0], SHORTEST_LATE),
+            np.append(limits[1], _latest(form, start, log.h)),
+        ]
     low, high = (
         np.append(limits[0], -np.log(30.0)),
         np.append(limits[1], np.log(LARGEST_W_H / (log.h * start))),
@@ -98,7 +118,7 @@ def fit_direct(log: Log, form: Form, near: Fit | None = None) -> Fit:
 
     theta = np.clip(np.append(first, 0.0), low, high)
     found = least_squares(
-        innovations, theta, bounds=(low, high), ftol=1e-5, xtol=1e-5, gtol=1e-7, max_nfev=40
+        innovations, theta, bounds=(low, high), ftol=1e-5, xtol=1e-5, gtol=1e-7, max_nfev=rounds
     )
     parameters, bandwidth = found.x[:-1] * unit, float(start * np.exp(found.x[-1]))
     e, linear = _eliminated(log, form, parameters, bandwidth)
@@ -233,13 +253,21 @@ def _units(form: Form, bandwidth: float, h: float) -> Array:
     return np.append(chain, h) if form.late else chain
 
 
-def _latest(bandwidth: float, h: float) -> float:
-    """Return the longest lateness, in periods, that is not dynamics of its own."""
-    return max(2.0 / (bandwidth * h), 2.0)
+def _fastest(form: Form, h: float) -> Array:
+    """Return bounds of a_0..a_(n-1): dynamics within a fraction of a period are none."""
+    return (3.0 / h) ** np.arange(form.order, 0, -1.0)
+
+
+def _latest(form: Form, bandwidth: float, h: float) -> float:
+    """Return the longest lateness in periods; a lag beyond is dynamics of the plant's own."""
+    return LONGEST_DELAY if form.late == 'delay' else max(2.0 / (bandwidth * h), 2.0)
 
 
 def _kept_inside(form: Form, parameters: Array, bandwidth: float, h: float) -> Array:
+    fastest = _fastest(form, h)
+    inside = np.append(
+        np.clip(parameters[: form.order], -fastest, fastest), parameters[form.order :]
+    )
     if form.late:
-        longest = _latest(bandwidth, h) * h
-        parameters[-1] = min(max(parameters[-1], 0.02 * h), longest)
-    return parameters
+        inside[-1] = np.clip(inside[-1], SHORTEST_LATE * h, _latest(form, bandwidth, h) * h)
+    return inside

@@ -1,0 +1,212 @@
+"""What a log tells about its plant: b0 with an honest interval, or a refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import nan
+from pathlib import Path
+
+import attrs
+from bench.identify import scenarios, study
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.recorded_run import RecordedRun
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.scenario.files import loads
+from nadrc_ros.simulation.plants.chain import Chain
+from nadrc_ros.tuning.identify import identify
+from nadrc_ros.tuning.identify_advice import advise, scenario_of
+from nadrc_ros.tuning.identify_data import is_one_sine, log_of, noise_deviation
+from nadrc_ros.tuning.identify_estimate import robust_error
+from nadrc_ros.tuning.identify_predictor import Array, Form, Log, plant_polynomials
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+SEEDS = 12
+LAG = """
+plant: {name: chain, order: 1, gain: 5, damping: 2, load: 1}
+reference: {signal: square, frequency: 1}
+disturbance: {signal: sine, amplitude: 2, frequency: 0.7}
+noise: {variance: 1e-4}
+rate: 100
+duration: 20
+controllers: {it: {structure: conventional, inner_bandwidth: 15}}
+"""
+
+
+def run_of(scenario: Scenario) -> RecordedRun:
+    result = scenario.run(next(iter(scenario.controllers)))
+    names = ('time', 'reference', 'measurement', 'command')
+    columns = {name: getattr(result, name) for name in names}
+    return RecordedRun(path=Path('run'), rate=scenario.rate, columns=columns, summary={})
+
+
+@pytest.fixture(scope='module')
+def lag() -> RecordedRun:
+    return run_of(loads(LAG))
+
+
+def with_columns(run: RecordedRun, **columns: Array) -> RecordedRun:
+    return attrs.evolve(run, columns=run.columns | columns)
+
+
+def test_nearly_all_intervals_hold_the_true_b0_and_are_narrow() -> None:
+    cases = scenarios()
+    for name, changes in {'paper': {'rate': 50.0}, 'chain': {'rate': 50.0}}.items():
+        cases[name] = cases[name].changed(**changes)
+    found, _ = study(cases, SEEDS, blind=1)
+    for name, figures in found.items():
+        assert figures['covered'] >= 11 / 12, (name, figures)
+        assert figures['width'] < 0.2, (name, figures)
+        assert figures['order'] == 1.0, (name, figures)
+
+
+@pytest.mark.parametrize('order', [1, 2, 3])
+@pytest.mark.parametrize('late', ['', 'lag'])
+def test_the_sampled_model_is_the_plant_under_a_held_command(order: int, late: str) -> None:
+    h, tau, rng = 0.02, 0.05, np.random.default_rng(order)
+    a = np.array([-3.0, -2.0, -1.5])[:order]
+    u = rng.normal(size=60)
+    dense = np.repeat(u, 200)
+    slow = dense if not late else lfilter([h / 200 / tau], [1.0, h / 200 / tau - 1.0], dense)
+    # with the lag inside the feedback: tau y^(n+1) + y^(n) = u + a x
+    states, y = np.zeros(order + bool(late)), []
+    for k, value in enumerate(dense):
+        if k % 200 == 0:
+            y.append(states[0])
+        drive = value + a @ states[:order]
+        top = (drive - states[-1]) / tau if late else drive
+        states = states + h / 200 * np.append(states[1:], top)
+    assert slow.shape == dense.shape
+    parameters = np.append(a, tau) if late else a
+    poles, zeros = plant_polynomials(Form(order=order, late=late), parameters, h)
+    predicted = lfilter(zeros, poles, u)
+    np.testing.assert_allclose(predicted, y, atol=2e-3 * np.abs(y).max())
+
+
+def test_without_noise_the_estimate_is_the_gain() -> None:
+    still = loads(LAG.replace('disturbance:', '#').replace('1e-4', '1e-10'))
+    plant = identify(log_of(run_of(still)))
+    assert plant.order == 1
+    assert plant.b0.value == pytest.approx(5.0, rel=1e-4)
+    assert plant.damping.value == pytest.approx(2.0, rel=1e-3)
+
+
+def test_noise_damping_and_order_are_found(lag: RecordedRun) -> None:
+    plant = identify(log_of(lag))
+    assert plant.order == 1 and plant.late == '' and plant.instruments
+    assert plant.noise == pytest.approx(1e-2, rel=0.05)
+    assert plant.damping.low < 2.0 < plant.damping.high
+    assert plant.unexplained[1] == 1.0 and plant.unexplained[2] > 1.1
+
+
+def test_a_command_that_comes_late_is_seen_as_that(lag: RecordedRun) -> None:
+    early = np.roll(lag.columns['command'], -7)[:-7]
+    cut = {name: values[:-7] for name, values in lag.columns.items()}
+    plant = identify(log_of(attrs.evolve(lag, columns=cut | {'command': early})), 1)
+    assert plant.late == 'delay' and plant.lateness is not None
+    assert plant.lateness.value == pytest.approx(0.07, abs=5e-3)
+    assert plant.b0.value == pytest.approx(5.0, rel=0.02)
+    assert advise(plant, log_of(lag)).limit == 'lateness'
+
+
+def test_lost_rows_are_filled_in_and_change_little(lag: RecordedRun) -> None:
+    kept = np.arange(len(lag.columns['time'])) % 40 != 7
+    thin = attrs.evolve(lag, columns={k: v[kept] for k, v in lag.columns.items()})
+    log = log_of(thin)
+    assert len(log.command) == len(lag.columns['time'])
+    assert log.command[7] == lag.columns['command'][6]
+    assert identify(log, 1).b0.value == pytest.approx(5.0, rel=0.02)
+
+
+def test_without_a_reference_there_is_a_result_and_a_doubt(lag: RecordedRun) -> None:
+    unknown = with_columns(lag, reference=np.full(len(lag.columns['time']), nan))
+    plant = identify(log_of(unknown), 1)
+    assert not plant.instruments and 'no reference' in plant.doubts[0]
+    assert plant.b0.value == pytest.approx(5.0, rel=0.05)
+
+
+def test_the_error_of_correlated_terms_is_larger() -> None:
+    white = np.random.default_rng(3).normal(size=4000)
+    assert robust_error(white) == pytest.approx(np.sqrt(4000), rel=0.3)
+    assert robust_error(np.repeat(white[:400], 10)) > 2.0 * np.sqrt(4000)
+
+
+def constant(run: RecordedRun) -> RecordedRun:
+    return with_columns(run, command=np.full(len(run.columns['time']), 2.0))
+
+
+def saturated(run: RecordedRun) -> RecordedRun:
+    return with_columns(run, command=np.where(run.columns['time'] < 19.0, 3.0, 1.0))
+
+
+def short(run: RecordedRun) -> RecordedRun:
+    return attrs.evolve(run, columns={k: v[:100] for k, v in run.columns.items()})
+
+
+def still(run: RecordedRun) -> RecordedRun:
+    noise = np.random.default_rng(1).normal(size=len(run.columns['time']))
+    return with_columns(run, measurement=noise)
+
+
+def lossy(run: RecordedRun) -> RecordedRun:
+    return attrs.evolve(run, columns={k: v[::2] for k, v in run.columns.items()})
+
+
+def unrelated(run: RecordedRun) -> RecordedRun:
+    walk = np.cumsum(np.random.default_rng(2).normal(size=len(run.columns['time'])))
+    return with_columns(run, measurement=walk)
+
+
+def silent(run: RecordedRun) -> RecordedRun:
+    return with_columns(run, command=np.full(len(run.columns['time']), nan))
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'said'),
+    [
+        (constant, 'the command is 2 all the time'),
+        (saturated, 'the command is at 3 for 95 % of the time'),
+        (short, 'only 100 samples with a command, and it takes 200'),
+        (still, 'the output does not move'),
+        (lossy, '50 % of the measurements are lost'),
+        (unrelated, 'b0 may be anything from'),
+        (silent, 'only 0 samples'),
+    ],
+)
+def test_data_that_cannot_tell_are_refused_with_what_is_missing(
+    spoil: Callable[[RecordedRun], RecordedRun], said: str, lag: RecordedRun
+) -> None:
+    with pytest.raises(UserError, match=said) as caught:
+        identify(log_of(spoil(lag)), 1)
+    assert ': ' in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_a_reference_of_one_sine_is_known_as_that() -> None:
+    t = np.arange(2000) * 0.01
+    assert is_one_sine(2.0 + np.sin(3.0 * t))
+    assert not is_one_sine(np.sin((0.5 + 0.1 * t) * t))
+    assert not is_one_sine(np.sign(np.sin(3.0 * t)))
+
+
+def test_the_noise_of_a_moving_output_is_that_around_it() -> None:
+    t = np.arange(5000) * 0.005
+    noise = np.random.default_rng(4).normal(scale=3e-3, size=5000)
+    log = Log(measurement=10.0 * np.sin(4.0 * t) + noise, command=t, reference=t, h=0.005)
+    assert noise_deviation(log) == pytest.approx(3e-3, rel=0.1)
+
+
+def test_the_scenario_to_go_on_from_has_the_plant_that_was_found(lag: RecordedRun) -> None:
+    log = log_of(lag)
+    plant = identify(log, 1)
+    advice = advise(plant, log)
+    scenario = scenario_of(plant, log, advice.settings)
+    made = scenario.plant.make()
+    assert isinstance(made, Chain)
+    assert made.gain == pytest.approx(5.0, rel=0.02)
+    assert scenario.noise.variance == pytest.approx(1e-4, rel=0.1)
+    assert scenario.rate == 100.0 and advice.settings.inner_bandwidth <= 30.0
+    # the load of 1 and the sine of 2 are what the gain and the damping do not explain
+    assert scenario.disturbance.values['offset'] == pytest.approx(-1.0, abs=0.3)
+    assert scenario.disturbance.values['amplitude'] == pytest.approx(2.0, rel=0.15)
+    assert scenario.run('identified').metrics.rmse < 0.1
