@@ -10,7 +10,7 @@ import attrs
 from bench.identify import scenarios, study
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.recorded_run import RecordedRun
-from nadrc_ros.scenario import Scenario
+from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.tuning.identify import identify
@@ -68,8 +68,6 @@ def test_the_sampled_model_is_the_plant_under_a_held_command(order: int, late: s
     a = np.array([-3.0, -2.0, -1.5])[:order]
     u = rng.normal(size=60)
     dense = np.repeat(u, 200)
-    slow = dense if not late else lfilter([h / 200 / tau], [1.0, h / 200 / tau - 1.0], dense)
-    # with the lag inside the feedback: tau y^(n+1) + y^(n) = u + a x
     states, y = np.zeros(order + bool(late)), []
     for k, value in enumerate(dense):
         if k % 200 == 0:
@@ -77,7 +75,6 @@ def test_the_sampled_model_is_the_plant_under_a_held_command(order: int, late: s
         drive = value + a @ states[:order]
         top = (drive - states[-1]) / tau if late else drive
         states = states + h / 200 * np.append(states[1:], top)
-    assert slow.shape == dense.shape
     parameters = np.append(a, tau) if late else a
     poles, zeros = plant_polynomials(Form(order=order, late=late), parameters, h)
     predicted = lfilter(zeros, poles, u)
@@ -170,7 +167,7 @@ def silent(run: RecordedRun) -> RecordedRun:
         (short, 'only 100 samples with a command, and it takes 200'),
         (still, 'the output does not move'),
         (lossy, '50 % of the measurements are lost'),
-        (unrelated, 'b0 may be anything from'),
+        (unrelated, 'explain too little of the output'),
         (silent, 'only 0 samples'),
     ],
 )
@@ -180,6 +177,12 @@ def test_data_that_cannot_tell_are_refused_with_what_is_missing(
     with pytest.raises(UserError, match=said) as caught:
         identify(log_of(spoil(lag)), 1)
     assert ': ' in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_a_run_that_leaves_b0_open_is_refused_with_its_interval() -> None:
+    one_move = run_of(load(find_scenario('motor_speed')))
+    with pytest.raises(UserError, match='b0 may be anything from'):
+        identify(log_of(one_move), 1)
 
 
 def test_a_reference_of_one_sine_is_known_as_that() -> None:

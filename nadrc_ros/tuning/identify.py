@@ -27,6 +27,8 @@ NEARLY = 1.003
 # An interval wider than that many times the estimate on either side is no estimate.
 WIDEST = 0.5
 WIDE = 0.2
+# What follows from the reference alone must predict about as well as what fits best.
+WORSE = 1.2
 
 
 @attrs.frozen(kw_only=True)
@@ -88,9 +90,13 @@ def identify(log: Log, order: int | None = None) -> Plant:
     fits = [fit for order in orders for fit in candidates(log, order)]
     chosen = simplest(fits)
     instruments = bool(np.isfinite(log.reference).all() and np.ptp(log.reference) > 0.0)
-    estimates = refine(log, chosen)[1]
+    refined, estimates = refine(log, chosen)
     b0, late = estimates[0], chosen.form.late
-    if not np.isfinite(b0.error) or b0.half_width > WIDEST:
+    if not refined.innovation <= WORSE * chosen.innovation:
+        raise RecordingError(
+            f'the reference and the command explain too little of the output: {ADVICE}'
+        )
+    if not b0.half_width <= WIDEST:
         raise RecordingError(
             f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command moves too little '
             f'that the disturbance does not: {ADVICE}'

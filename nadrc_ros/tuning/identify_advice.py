@@ -70,7 +70,10 @@ def advise(plant: Plant, log: Log) -> Advice:
         command_max=high,
         safe_command=min(max(0.0, low), high),
     )
-    bandwidths['noise'] = _quiet(plant, settings, min(bandwidths.values()), high - low)
+    highest = min(bandwidths.values())
+    quiet = _quiet(plant, settings, highest, high - low)
+    if quiet < highest:
+        bandwidths['noise'] = quiet
     found = {rule: rounded(value, 3) for rule, value in bandwidths.items()}
     return Advice(bandwidths=found, settings=_with_bandwidth(settings, min(found.values())))
 

@@ -1,0 +1,93 @@
+"""`nadrc identify` as a user runs it, on runs of the recorder and on bags."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from bag_helpers import write_bag
+from bench.identify import record
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.cli.app import app
+from nadrc_ros.recording import read_samples
+from nadrc_ros.scenario.files import load, loads
+import pytest
+from test_identify import LAG
+from typer.testing import CliRunner
+import yaml
+
+
+def nadrc(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(loads(LAG), tmp_path_factory.mktemp('runs'))
+
+
+def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
+    run: Path, tmp_path: Path
+) -> None:
+    files = [tmp_path / name for name in ('p.yaml', 's.yaml', 'f.json')]
+    options = ('--out', files[0], '--scenario', files[1], '--json', files[2])
+    done = nadrc('identify', run, '--order', 1, '--b0', 12, *options)
+    assert done.exit_code == 0, done.output
+    assert 'b0 = 12 is 2.39 times too large: worth a change.' in done.output
+    assert 'Observer bandwidth: up to' in done.output
+    figures = json.loads(files[2].read_text())
+    assert figures['b0']['low'] < 5.0 < figures['b0']['high']
+    ((node, content),) = yaml.safe_load(files[0].read_text()).items()
+    assert node == '/**/controller'
+    parameters = content['ros__parameters']
+    assert parameters.pop('rate') == 100.0
+    settings = ControllerSettings(**parameters)
+    assert parameters.keys() == declared(ControllerSettings).keys()
+    assert settings.b0 == pytest.approx(5.0, rel=0.02) and settings.plant_order == 1
+    scenario = load(files[1])
+    assert scenario.controllers['identified'].b0 == settings.b0
+    assert nadrc('simulate', files[1]).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ('b0', 'said'), [(-5, 'WRONG SIGN'), (5.0, 'agrees with the log'), (4, 'too small: tolerable')]
+)
+def test_the_verdict_on_a_b0(b0: float, said: str, run: Path) -> None:
+    assert said in nadrc('identify', run, '--order', 1, '--b0', b0).output
+
+
+@pytest.mark.parametrize('mcap', [False, True])
+def test_a_bag_of_other_topics_gives_the_same_plant(mcap: bool, run: Path, tmp_path: Path) -> None:
+    samples = read_samples(run)
+    topics = {'measurement': '/x/state', 'command': '/x/control_effort', 'reference': '/x/set'}
+    late = {'measurement': 0.0, 'command': 4e-4, 'reference': 2e-4}
+    signals = {
+        topic: [(t + late[name], v) for t, v in zip(samples['time'], samples[name])]
+        for name, topic in topics.items()
+    }
+    bag = write_bag(tmp_path / 'bag', signals, mcap)
+    options = [word for name, topic in topics.items() for word in (f'--{name}', topic)]
+    both = []
+    for log in ([run], [bag, *options]):
+        done = nadrc('identify', *log, '--order', 1, '--json', tmp_path / 'f.json')
+        assert done.exit_code == 0, done.output
+        both.append(json.loads((tmp_path / 'f.json').read_text())['b0']['value'])
+    assert both[1] == pytest.approx(both[0], rel=1e-4)
+
+
+def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / 'p.yaml'
+    for path in (tmp_path / 'nothing', tmp_path, run / 'samples.csv'):
+        done = nadrc('identify', path, '--out', out)
+        assert done.exit_code == 1 and str(path) in done.output
+        assert len(done.output.splitlines()) == 1 and not out.exists()
+    assert nadrc('identify', run, '--order', 7).exit_code == 2
+    assert nadrc('identify', run, '--namespace', 'x').exit_code == 1
+    done = nadrc('identify', run, '--order', 1, '--out', tmp_path / 'no' / 'p.yaml')
+    assert done.exit_code == 1 and 'no such folder' in done.output
+
+
+def test_help_has_an_example() -> None:
+    assert 'Example: nadrc identify runs/' in nadrc('identify', '--help').output
