@@ -52,8 +52,8 @@ def with_columns(run: RecordedRun, **columns: Array) -> RecordedRun:
 
 def test_nearly_all_intervals_hold_the_true_b0_and_are_narrow() -> None:
     cases = scenarios()
-    for name, changes in {'paper': {'rate': 50.0}, 'chain': {'rate': 50.0}}.items():
-        cases[name] = cases[name].changed(**changes)
+    for name in ('paper', 'chain'):
+        cases[name] = cases[name].changed(rate=50.0)
     found, _ = study(cases, SEEDS, blind=1)
     for name, figures in found.items():
         assert figures['covered'] >= 11 / 12, (name, figures)
@@ -193,7 +193,7 @@ def test_a_reference_of_one_sine_is_known_as_that() -> None:
 
 
 def test_the_noise_of_a_moving_output_is_that_around_it() -> None:
-    t = np.arange(5000) * 0.005
+    t: Array = 0.005 * np.arange(5000, dtype=np.float64)
     noise = np.random.default_rng(4).normal(scale=3e-3, size=5000)
     log = Log(measurement=10.0 * np.sin(4.0 * t) + noise, command=t, reference=t, h=0.005)
     assert noise_deviation(log) == pytest.approx(3e-3, rel=0.1)

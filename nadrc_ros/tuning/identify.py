@@ -94,7 +94,8 @@ def identify(log: Log, order: int | None = None) -> Plant:
     b0, late = estimates[0], chosen.form.late
     if not refined.innovation <= WORSE * chosen.innovation:
         raise RecordingError(
-            f'the reference and the command explain too little of the output: {ADVICE}'
+            'the reference and the command explain too little of the output, as when the loop '
+            f'stalls or commands act at odd times: {ADVICE}'
         )
     if not b0.half_width <= WIDEST:
         raise RecordingError(
