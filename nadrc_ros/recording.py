@@ -189,11 +189,16 @@ def read_samples(folder: Path) -> dict[str, list[float]]:
     return {name: [row[i] for row in rows] for i, name in enumerate(samples.names)}
 
 
-def summary(settings: RunSettings, metrics: Metrics, rows: int) -> dict[str, Any]:
-    """Return what every summary has, whoever makes it."""
+def summary(settings: RunSettings, metrics: Metrics, rows: int, periods: int) -> dict[str, Any]:
+    """
+    Return what every summary has, whoever makes it.
+
+    There are fewer ``rows`` than ``periods`` where measurements were lost or never sent.
+    """
     return {
         'metrics': metrics.values().as_dict(),
         'rows': rows,
+        'periods': periods,
         'rate': settings.rate,
         'error': settings.error,
     }
@@ -203,8 +208,8 @@ def summarise(folder: Path) -> dict[str, Any]:
     """
     Return the summary that the samples of a run amount to, with the recorder's own figures.
 
-    What they do not tell is None: how many samples were lost in all, where only a measurement
-    leaves a gap in time, and whether the run was complete.
+    What they do not tell is None: how many samples were lost (a gap in time may be a measurement
+    that was never sent), and whether the run was complete.
 
     Raises
     ------
@@ -228,10 +233,9 @@ def summarise(folder: Path) -> dict[str, Any]:
         raise RecordingError(f'{SAMPLES}: no samples')
     if not isfinite(periods):
         raise RecordingError(f'{SAMPLES}: the time of the last row is not a number')
-    gaps = round(periods) + 1 - rows
-    return summary(settings, metrics, rows) | {
+    return summary(settings, metrics, rows, round(periods) + 1) | {
         'samples_lost': None,
-        'samples_lost_by_signal': {'measurement': gaps} if gaps else {},
+        'samples_lost_by_signal': None,
         'complete': False if samples.cut else None,
     }
 

@@ -91,7 +91,7 @@ def record(
         run.add(metrics, k / run.rate, values)
         folder.write([k / run.rate, *values.values()])
     folder.close()
-    return folder.path, summary(run, metrics, len(kept))
+    return folder.path, summary(run, metrics, len(kept), count)
 
 
 @pytest.mark.parametrize('error', ['reference', 'tracking'])
@@ -110,9 +110,10 @@ def test_the_figures_are_those_of_the_recorder_to_the_bit(error: str, tmp_path: 
     assert (rebuilt['samples_lost'], rebuilt['complete']) == (None, None)
 
 
-def test_gaps_in_time_are_measurements_that_were_lost(tmp_path: Path) -> None:
+def test_gaps_in_time_are_periods_without_a_row(tmp_path: Path) -> None:
     folder, _ = record(tmp_path, lost=(3, 4, 20))
-    assert summarise(folder)['samples_lost_by_signal'] == {'measurement': 3}
+    found = summarise(folder)
+    assert (found['rows'], found['periods']) == (47, 50)
 
 
 @pytest.mark.parametrize('end', ['0.1', '0.1,2.0,3.0', '0.1,1,1,1,1,1'])

@@ -18,7 +18,7 @@ from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameter_watch import ParameterWatch
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
-from nadrc_ros.nodes.stamps import Losses
+from nadrc_ros.nodes.stamps import Losses, Places
 from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
 from nadrc_ros.nodes.versions import versions
 from nadrc_ros.recording import (
@@ -82,9 +82,9 @@ class RecorderNode(LiveNode):
     Streams the loop's signals to ``samples.csv`` and computes its figures of merit.
 
     In real time a row belongs to one measurement and is complete when the next one comes: the
-    command is then the one that acted meanwhile. Its time is counted in measurements since the
-    first command, by their publication numbers, so that a lost one leaves a gap and does not shift
-    the rest. When both left their publishers is recorded too, but in lockstep.
+    command is then the one that acted meanwhile. Its time is counted in periods since the first
+    command, so that a measurement that was lost, or never sent, leaves a gap and does not shift
+    the rest. When measurement and command left their publishers is recorded too, but in lockstep.
     """
 
     def __init__(self) -> None:
@@ -104,6 +104,8 @@ class RecorderNode(LiveNode):
         self._stamps = () if self.pacing.lockstep else STAMPS
         self._columns = ['time', *topics, *self._stamps]
         self._losses = {name: Losses() for name in topics}
+        self._simulated: bool = self.get_parameter('use_sim_time').value
+        self._places = Places(self.pacing.rate, stamped=not self._simulated)
         self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
         self._open_run()
@@ -136,6 +138,7 @@ class RecorderNode(LiveNode):
         self._latest = dict.fromkeys(self._columns[1:], nan)
         self._started = False
         self._pending: tuple[int, float] | None = None
+        self._first = 0
         self._index = -1
         self._rows = 0
         self.get_logger().info(f'recording to {self.folder.path}')
@@ -170,7 +173,7 @@ class RecorderNode(LiveNode):
             self._stop_on_full_disk(error)
 
     def _summary(self) -> dict[str, Any]:
-        return summary(self._run, self.metrics, self._rows) | {
+        return summary(self._run, self.metrics, self._rows, self._index + 1) | {
             'samples_lost': sum(self.lost.values()),
             'samples_lost_by_signal': {name: n for name, n in self.lost.items() if n},
             'complete': not self.recording,
@@ -182,28 +185,33 @@ class RecorderNode(LiveNode):
         def take(value: float, info: Info) -> None:
             lost = self._losses[name].before(info['publication_sequence_number'])
             self.lost[name] += lost
+            if name == 'measurement':
+                self._measure(value, self._places.next(info, self._now(), lost))
             if self.recording:
-                self._take(name, value, lost)
+                self._started = self._started or name == 'command'
+                self._latest[name] = value
                 if (stamp := f'{name}_stamp') in self._stamps:
                     left = info['source_timestamp'] - self._begin * 1_000_000_000
                     self._latest[stamp] = left / 1e9
 
         return take
 
-    def _take(self, name: str, value: float, lost: int) -> None:
-        if name == 'measurement':
+    def _now(self) -> int:
+        return self.get_clock().now().nanoseconds if self._simulated else time.monotonic_ns()
+
+    def _measure(self, value: float, place: int) -> None:
+        if self.recording:
             self._complete_row()
-            self._pending = lost, value
-        elif name == 'command':
-            self._started = True
-        self._latest[name] = value
+            self._pending = place, value
 
     def _complete_row(self) -> None:
         """Write the row of the last measurement, now that its command is known."""
         if not self._started or self._pending is None:
             return
-        (lost, measurement), self._pending = self._pending, None
-        self._index += 1 + (lost if self._rows else 0)
+        (place, measurement), self._pending = self._pending, None
+        if not self._rows:
+            self._first = place
+        self._index = place - self._first
         t = self._index / self.pacing.rate
         if 0.0 < self.settings.duration <= t + 0.5 * self.pacing.period:
             self._end_run()

@@ -86,6 +86,35 @@ def _follows(number: int | None, seen: int | None, last: int | None, far_back: b
     return number > last or (far_back and number == seen + 1)  # or the publisher was restarted
 
 
+class Places:
+    """
+    Gives the period that each sample of a fixed-rate publisher is of, counted from the first one.
+
+    Samples are counted, with those that were lost. Where the stamps say that more time went by,
+    the publisher itself missed periods, and these count too.
+
+    Parameters
+    ----------
+    rate
+        Periods per second [Hz].
+    stamped
+        As for :class:`SampleTimes`.
+
+    """
+
+    def __init__(self, rate: float, stamped: bool = True) -> None:
+        self._rate = rate
+        self._times = SampleTimes(1.0 / rate, stamped)
+        self._elapsed = -1.0 / rate
+        self._place = -1
+
+    def next(self, info: Info, now: int, lost: int) -> int:
+        """Return the place of a sample that came ``now`` [ns] with so many lost before it."""
+        self._elapsed += max(0.0, self._times.span(info, now))
+        self._place = max(self._place + 1 + lost, round(self._elapsed * self._rate))
+        return self._place
+
+
 class Losses:
     """
     Finds lost samples of a topic, by their publication numbers.

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 import json
 from math import isnan, nan
 from pathlib import Path
 import resource
 import signal
+import time
 from typing import Any
 
 from nadrc_ros.nodes.diagnostics import WARN
+from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.recording import read_samples, RunFolder, RunSettings, SAMPLES, STAMPS, SUMMARY
 from probe import Probe, Processes
 import pytest
 
 RATE = 100.0
+# Of a feed: so slow that samples as they come never look like missed periods.
+SLOW = 1.0
 INPUTS = 'reference measurement command output'
 TOPICS = ('reference', 'measurement', 'command', 'plant/output')
 
@@ -25,7 +30,7 @@ class Feed:
     """Publishes what a loop would, sample by sample, to a recorder beside the probe."""
 
     def __init__(self, make: Callable[..., Probe], directory: Path, **settings: Any) -> None:
-        values = {'rate': RATE, 'inputs': INPUTS, 'directory': str(directory), **settings}
+        values = {'rate': SLOW, 'inputs': INPUTS, 'directory': str(directory), **settings}
         self.probe = make(parameters={'recorder': values})
         self.recorder = self.probe.add(RecorderNode())
         self.send = {topic: self.probe.publisher(topic) for topic in TOPICS}
@@ -56,7 +61,7 @@ def test_a_row_is_one_period_with_the_command_that_acted_in_it(
         feed.sample()
     rows = feed.rows()
     assert list(rows) == ['time', *INPUTS.split(), *STAMPS]
-    assert rows['time'] == [0.0, 0.01, 0.02, 0.03, 0.04]
+    assert rows['time'] == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert rows['measurement'] == [0.1 * k for k in range(1, 6)]
     assert rows['command'] == [0.01 * k for k in range(1, 6)]
     assert rows['output'] == [0.1 * k + 0.5 for k in range(1, 6)]
@@ -70,7 +75,7 @@ def test_time_begins_at_the_first_command_even_when_that_came_before_any_measure
     feed.probe.wait_until(lambda: feed.recorder._started)
     for _ in range(3):
         feed.sample()
-    assert feed.rows()['time'] == [0.0, 0.01]
+    assert feed.rows()['time'] == [0.0, 1.0]
     # what never came is left empty
     first = (feed.recorder.folder.path / SAMPLES).read_text().splitlines()[1]
     assert first.startswith('0.0,1.0,0.1,')
@@ -113,6 +118,30 @@ def test_a_lost_measurement_leaves_a_gap_and_is_counted(
     assert sum(feed.recorder.lost.values()) == 0
 
 
+def test_periods_that_the_plant_missed_leave_a_gap_and_are_no_loss(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    plant = {'rate': RATE, 'plant': 'chain', 'order': 1, 'damping': 0.0, 'command_timeout': 0.0}
+    recorder = {'rate': RATE, 'directory': str(tmp_path)}
+    probe = make_probe(parameters={'recorder': recorder, 'plant': plant})
+    node, command = probe.add(RecorderNode()), probe.publisher('command')
+    probe.add(PlantNode())
+    probe.wait_until(lambda: len(probe.readers('command')) == 2)
+    command(1.0)
+    probe.wait_until(lambda: node._rows > 5)
+    rows = node._rows
+    time.sleep(0.255)  # a stall
+    probe.wait_until(lambda: node._rows > rows + 20)
+    node.folder.flush()
+    samples = read_samples(node.folder.path)
+    periods = [round(t * RATE) for t in samples['time']]
+    assert max(b - a for a, b in pairwise(periods)) >= 20
+    # y' = u = 1: the output tells the time of the plant
+    late = [y * RATE - k for k, y in zip(periods, samples['output'])]
+    assert max(late) - min(late) <= 2.0
+    assert sum(node.lost.values()) == 0
+
+
 def test_a_restarted_plant_goes_on_in_time(
     make_probe: Callable[..., Probe], tmp_path: Path
 ) -> None:
@@ -124,7 +153,7 @@ def test_a_restarted_plant_goes_on_in_time(
     for _ in range(3):
         feed.sample()
     assert old is not feed.send['measurement']
-    assert feed.rows()['time'] == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
+    assert feed.rows()['time'] == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0])
     assert sum(feed.recorder.lost.values()) == 0
 
 
@@ -142,7 +171,7 @@ def test_a_second_publisher_is_no_loss_and_shifts_no_time(
     feed.probe.wait_until(lambda: feed.recorder._losses['measurement'].newest == 2)
     feed.sample()
     assert feed.recorder.lost['measurement'] == 0
-    assert feed.rows()['time'] == [k / RATE for k in range(23)]
+    assert feed.rows()['time'] == [k / SLOW for k in range(23)]
 
 
 def test_reset_opens_a_new_run_and_touches_no_old_one(
@@ -172,13 +201,13 @@ def test_reset_opens_a_new_run_and_touches_no_old_one(
 
 
 def test_a_run_ends_after_its_duration(make_probe: Callable[..., Probe], tmp_path: Path) -> None:
-    feed = Feed(make_probe, tmp_path, duration=0.05)
+    feed = Feed(make_probe, tmp_path, duration=5.0)
     for _ in range(10):
         feed.sample()
     summary = json.loads((feed.recorder.folder.path / SUMMARY).read_text())
     assert summary['rows'] == 5
     assert summary['complete']
-    assert read_samples(feed.recorder.folder.path)['time'] == [0.0, 0.01, 0.02, 0.03, 0.04]
+    assert read_samples(feed.recorder.folder.path)['time'] == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert not feed.recorder.finished
 
 
