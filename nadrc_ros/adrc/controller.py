@@ -35,6 +35,9 @@ from nadrc_ros.adrc.supervisor import (
     Watch,
 )
 
+# To ask the Enum for its member costs more than a tick's arithmetic.
+_STATUSES = tuple(Status)
+
 
 def tick(
     design: Design,
@@ -200,7 +203,7 @@ class Controller:
             self._next,
         )
         self.state, self._next = self._next, self.state
-        self.status = Status(status)
+        self.status = _STATUSES[status]
         self.counts[self.status] += 1
         if self._pending is not None:
             command = self._swap(*self._pending, command, applied, span)
@@ -295,16 +298,12 @@ class Controller:
 
     def _drop_old_derivatives(self) -> None:
         """Count derivatives that ceased to come as 0; the command does not show it."""
-        old = [
-            i
-            for i in range(1, len(self._ages))
-            if self._ages[i] > self.design.max_dt and self.reference[i] != 0.0
-        ]
-        if not old:
-            return
-        for i in old:
-            self.reference[i] = 0.0
-        if self.design.tracking_acceleration <= 0.0 and not self.design.error_based:
+        reference, dropped = self.reference, False
+        for i in range(1, len(reference)):
+            if reference[i] != 0.0 and self._ages[i] > self.design.max_dt:
+                reference[i], dropped = 0.0, True
+        profiled = self.design.tracking_acceleration > 0.0
+        if dropped and not profiled and not self.design.error_based:
             self.state.profile[:] = self.reference
             meet(self.design, self.state, self.command)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import inf, nan
 from pathlib import Path
+import sys
 import time
 from typing import Any
 
@@ -13,16 +14,16 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.nodes.axes import axes_asked, axis_namespace, refuse_unequal
 from nadrc_ros.nodes.diagnostics import Budget, Diagnostics, ERROR, Latencies, OK, WARN
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import PacingSettings, Ticker
+from nadrc_ros.nodes.pacing import Beat, Ticker, Watch
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
 from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
 from nadrc_ros.replay import TraceWriter
-from rclpy.clock import Clock, ClockType
 from std_srvs.srv import SetBool, Trigger
 
 Reference = Sequence[float | None]
@@ -69,16 +70,23 @@ class ControllerNode(LiveNode):
     A tick without a new measurement holds the command and leaves the observers as they are; the
     next sample's time step spans the gap. The command is sent before anything else is done with
     it.
+
+    Parameters
+    ----------
+    namespace
+        Of an axis, in a process with several.
+    first
+        The first of several axes: the others are ticked by its timers.
+
     """
 
-    def __init__(self) -> None:
-        super().__init__('controller')
-        self.pacing = ParameterGroup(
-            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
-        ).value
+    def __init__(self, namespace: str = '', first: ControllerNode | None = None) -> None:
+        super().__init__('controller', namespace)
         loop = ParameterGroup(
             self, declared(LoopSettings), lambda values: build(LoopSettings, values)
         ).value
+        if first is not None:
+            refuse_unequal(first, self)
         settings = ParameterGroup(
             self, declared(ControllerSettings), self._settings, self._retune
         ).value
@@ -91,12 +99,13 @@ class ControllerNode(LiveNode):
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = 0
         self._idle = 0
-        self._shown = (self.controller.mode, self.controller.cause)
+        self._shown = self.controller.watch[:2]
         self._stopping = False
         self._silent = False
         self.latencies = Latencies()
         self._news = Budget(*NEWS)
         self.lockstep: Lockstep | None = None
+        self._watch: Watch | None = None
         inputs = ['measurement', 'reference', *derivatives]
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
@@ -108,10 +117,15 @@ class ControllerNode(LiveNode):
             self._measured = receive(self, 'measurement', self._on_measurement)
             for i, topic in enumerate(inputs[1:]):
                 receive(self, topic, self._reference_taker(i))
-            self._by_timer = loop.trigger == 'timer'
-            self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
-            self._times = SampleTimes(self.pacing.period, not self.ticker.simulated)
-            self._ticked = self._heard = self.ticker.now()
+            rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
+            self.beat: Beat = first.beat if first and by_timer else Beat(self, rate)
+            if not by_timer:
+                self._watch = Watch(self, self.beat, rate, self._step)
+                self._watch.notice_within(settings.measurement_timeout)
+            self.ticker = self._watch or Ticker(self.beat, rate, self._step)
+            stamped = not self.get_parameter('use_sim_time').value
+            self._times = SampleTimes(self.pacing.period, stamped)
+            self._ticked = self.ticker.now()
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self._estimates = Estimates(
@@ -119,9 +133,8 @@ class ControllerNode(LiveNode):
         )
         self._divisor = loop.estimate_divisor if self.lockstep is None else 1
         self._steps = 0
-        self.create_timer(
-            LOOK, self._estimates.look, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._look: Beat = first._look if first else Beat(self, 1.0 / LOOK, steady=True)
+        self._look.listeners.append(self._estimates.look)
         self.diagnostics = Diagnostics(self, self._report)
 
     # ---- parameters and services ----
@@ -136,6 +149,8 @@ class ControllerNode(LiveNode):
 
     def _retune(self, settings: ControllerSettings) -> None:
         self.controller.retune(settings)
+        if self._watch is not None:
+            self._watch.notice_within(settings.measurement_timeout)
         if self.trace is not None:
             self.trace.settings(settings)
 
@@ -166,11 +181,10 @@ class ControllerNode(LiveNode):
         if self._sample is not None:
             self._overwritten += 1
             self._times.saw(self._sample[1])
-        self._heard = self.ticker.now()
-        self._sample = value, info, self._heard
-        if not self._by_timer:
+        self._sample = value, info, self.ticker.now()
+        if self._watch is not None:
             self._step()
-            self.ticker.put_off()
+            self._watch.count(info['publication_sequence_number'])
 
     def _reference_taker(self, index: int) -> Any:
         def take(value: float, _: Info) -> None:
@@ -178,12 +192,7 @@ class ControllerNode(LiveNode):
 
         return take
 
-    def _on_timer(self, _: float) -> None:
-        silence = self.ticker.now() - self._heard
-        if self._by_timer or not 0 <= silence <= 1.5e9 * self.pacing.period:
-            self._step()
-
-    def _step(self) -> None:
+    def _step(self, _: float = 0.0) -> None:
         """Do one real-time tick with the newest sample, or without one."""
         now = self.ticker.now()
         elapsed, self._ticked = max(0.0, (now - self._ticked) * 1e-9), now
@@ -223,7 +232,7 @@ class ControllerNode(LiveNode):
             self._estimates.send(controller)
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
-        if self._shown != (controller.mode, controller.cause):
+        if self._shown != controller.watch[:2]:
             self._announce()
         if controller.settings is not settings:
             self._tell_if_jumped(applied, settings.command_rate_limit * elapsed)
@@ -235,7 +244,8 @@ class ControllerNode(LiveNode):
 
     def _announce(self) -> None:
         """Log a change of mode once and tell /diagnostics at once, unless it flaps for long."""
-        mode, cause = self._shown = self.controller.mode, self.controller.cause
+        self._shown = self.controller.watch[:2]
+        mode, cause = self.controller.mode, self.controller.cause
         if not self._news.allows(time.monotonic()):
             return
         message = _describe(mode, cause)
@@ -316,6 +326,10 @@ class ControllerNode(LiveNode):
             self.trace.close()
             self._tell_if_trace_failed()
 
+    def await_delivery(self, seconds: float) -> None:
+        """Wait until the last command has arrived."""
+        self._command.await_delivery(seconds)
+
     def _tell_if_trace_failed(self) -> None:
         if self.trace is not None and self.trace.failure:
             self.get_logger().error(f'the trace ends: {self.trace.failure}')
@@ -348,9 +362,17 @@ def _describe(mode: Mode, cause: Cause) -> str:
     return f'{action}: {reason}'
 
 
+def make_axes() -> list[ControllerNode]:
+    """Make one controller, or one for each axis that the command line names."""
+    nodes: list[ControllerNode] = []
+    for name in axes_asked(sys.argv):
+        nodes.append(ControllerNode(axis_namespace(name), nodes[0] if nodes else None))
+    return nodes or [ControllerNode()]
+
+
 def main() -> int:
-    """Run the controller node."""
-    return run(ControllerNode)
+    """Run the controllers of one axis or more."""
+    return run(make_axes)
 
 
 if __name__ == '__main__':

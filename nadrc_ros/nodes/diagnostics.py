@@ -34,7 +34,8 @@ class Diagnostics:
             name=self._node.get_fully_qualified_name(),
             message=message,
             hardware_id='nadrc_ros',
-            values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+            values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+            + [KeyValue(key='scheduling', value=self._node.scheduling)],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()

@@ -7,14 +7,18 @@ import time
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import choice, integer, number, text
+from nadrc_ros.adrc.fields import choice, flag, integer, number, text
+from nadrc_ros.nodes.stamps import Losses
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+
+# Samples that trigger steps are looked after so often [s].
+LONGEST_LOOK = 0.02
 
 
 @attrs.frozen(kw_only=True)
 class PacingSettings:
-    """Rate and pacing, the same for every node of a loop; all fixed at start."""
+    """Rate and pacing, the same for every node of a loop, and priority; all fixed at start."""
 
     rate: float = number(200.0, 1.0, 5000.0, 'Hz', 'periods per second', live=False)
     pacing: str = choice(
@@ -34,6 +38,12 @@ class PacingSettings:
     )
     lockstep_timeout: float = number(
         10.0, 4.0, 3600.0, 's', 'lockstep: longest wait for a sample or a slow reader', live=False
+    )
+    realtime: bool = flag(
+        False,
+        'real-time priority (SCHED_FIFO) for all threads of the process and locked memory, '
+        'where that is permitted',
+        live=False,
     )
 
     def __attrs_post_init__(self) -> None:
@@ -70,11 +80,33 @@ class PacingSettings:
         return readers
 
 
+class Beat:
+    """
+    A fixed-rate timer that calls its listeners in turn: ROS does not keep up with many timers.
+
+    It runs on the steady clock, which no time correction stalls, unless ``use_sim_time`` is set
+    and ``steady`` is not.
+    """
+
+    def __init__(self, node: Node, rate: float, *, steady: bool = False) -> None:
+        self._simulated = bool(node.get_parameter('use_sim_time').value) and not steady
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.clock = node.get_clock() if self._simulated else clock
+        self.listeners: list[Callable[[], None]] = []
+        self.timer = node.create_timer(1.0 / rate, self._fire, clock=self.clock)
+
+    def now(self) -> int:
+        """Return the time on the clock of the timer [ns]."""
+        return self.clock.now().nanoseconds if self._simulated else time.monotonic_ns()
+
+    def _fire(self) -> None:
+        for listen in self.listeners:
+            listen()
+
+
 class Ticker:
     """
-    A fixed-rate timer that counts the periods it missed.
-
-    It runs on the steady clock, which no time correction stalls, unless ``use_sim_time`` is set.
+    Ticks a node at a fixed rate and counts the periods that were missed.
 
     Attributes
     ----------
@@ -85,10 +117,8 @@ class Ticker:
 
     """
 
-    def __init__(self, node: Node, rate: float, tick: Callable[[float], None]) -> None:
-        self.simulated: bool = node.get_parameter('use_sim_time').value
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._clock = node.get_clock() if self.simulated else steady
+    def __init__(self, beat: Beat, rate: float, tick: Callable[[float], None]) -> None:
+        self.now = beat.now
         self.periods = 0
         self.missed = 0
         self.due = 1
@@ -96,24 +126,14 @@ class Ticker:
         self._tick = tick
         self._last = 0
         self._begin = 0
-        self._timer = node.create_timer(self._period, self._fire, clock=self._clock)
-
-    def now(self) -> int:
-        """Return the time on the clock of the timer [ns]."""
-        return self._clock.now().nanoseconds if self.simulated else time.monotonic_ns()
-
-    def put_off(self) -> None:
-        """Take what was just done for the tick of this period: the next is one period away."""
-        now, period = self.now(), self._period * 1e9
-        if self.periods:
-            self.missed += max(0, round((now - self._last) / period) - 1)
-        self.periods += 1
-        self._last = now
-        self._begin = now - int((self.periods + self.missed - 1) * period)
-        self._timer.reset()
+        beat.listeners.append(self._fire)
 
     def _fire(self) -> None:
         self._tick(self._count())
+
+    def _start_from(self, now: int) -> None:
+        """Let the next period be one that is not late."""
+        self._begin = now - int((self.periods + self.missed) * self._period * 1e9)
 
     def _count(self) -> float:
         """
@@ -125,7 +145,7 @@ class Ticker:
         now = self.now()
         elapsed = (now - self._last) * 1e-9 if self.periods else self._period
         if elapsed < 0.0 or not self.periods:  # simulated time may go back
-            self._begin = now - int((self.periods + self.missed) * self._period * 1e9)
+            self._start_from(now)
         self._last = now
         self.periods += 1
         counted = round((now - self._begin) * 1e-9 / self._period) + 1
@@ -133,3 +153,58 @@ class Ticker:
         self.missed += missed
         self.due = 1 + missed
         return max(elapsed, 0.0)
+
+
+class Watch(Ticker):
+    """
+    Counts the samples that come by themselves as periods, and ticks in their place in silence.
+
+    A timer that fired in each period, or was put off by each sample, would wake two threads for
+    nothing, which costs as much as the law. So a slow one looks whether samples still come, and
+    the fast one runs in silence only. A period is missed when a sample was lost, or the look was
+    late.
+    """
+
+    def __init__(self, node: Node, beat: Beat, rate: float, tick: Callable[[float], None]) -> None:
+        super().__init__(beat, rate, tick)
+        self._timer = beat.timer
+        self._heard = self._looked = self.now()
+        self._losses = Losses()
+        self._lost = 0
+        self._look_timer = node.create_timer(self._period, self._look, clock=beat.clock)
+
+    def notice_within(self, seconds: float) -> None:
+        """Notice silence after so many seconds, and a period; 0 is as late as it ever is."""
+        longest = min(LONGEST_LOOK, seconds - self._period) if seconds else LONGEST_LOOK
+        self._look_timer.timer_period_ns = round(1e9 * max(self._period, longest))
+
+    def count(self, number: int | None) -> None:
+        """Count a period for the sample with this publication number."""
+        lost = self._losses.before(number)
+        self._lost += lost
+        self.missed += lost
+        self._heard = self._last = self.now()
+        self._start_from(self._last)
+        self.periods += 1
+
+    @property
+    def _silent(self) -> bool:
+        return not 0 <= self.now() - self._heard <= 1.5e9 * self._period
+
+    def _look(self) -> None:
+        now = self.now()
+        late, self._looked = now - self._looked - self._look_timer.timer_period_ns, now
+        if not self._timer.is_canceled():  # that one counts
+            return
+        self.missed += max(0, int(late * 1e-9 / self._period) - self._lost)
+        self._lost = 0
+        if self._silent:
+            self._start_from(now)
+            self._timer.reset()
+            super()._fire()
+
+    def _fire(self) -> None:
+        if self._silent:
+            super()._fire()
+        else:
+            self._timer.cancel()

@@ -11,7 +11,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
 from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import PacingSettings, Ticker
+from nadrc_ros.nodes.pacing import Beat, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import Info, receive, Sender
@@ -79,9 +79,6 @@ class PlantNode(LiveNode):
 
     def __init__(self) -> None:
         super().__init__('plant')
-        self.pacing = ParameterGroup(
-            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
-        ).value
         self._group = ParameterGroup(self, declared(PlantSettings), self._settings)
         settings = self._group.value
         self._plants = ParameterGroup(
@@ -135,7 +132,7 @@ class PlantNode(LiveNode):
             self._output = Sender(self, '~/output')
             self._truth = Sender(self, '~/total_disturbance')
             receive(self, 'command', self._on_command)
-            self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
+            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
         self.diagnostics = Diagnostics(self, self._report)
 
     def _settings(self, values: dict[str, Any]) -> PlantSettings:

@@ -14,7 +14,6 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, number, text
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameter_watch import ParameterWatch
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
@@ -89,9 +88,6 @@ class RecorderNode(LiveNode):
 
     def __init__(self) -> None:
         super().__init__('recorder')
-        self.pacing = ParameterGroup(
-            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
-        ).value
         self.settings = ParameterGroup(
             self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
         ).value

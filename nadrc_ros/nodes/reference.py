@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.fields import build, choice, declared
+from nadrc_ros.adrc.fields import choice, declared
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import PacingSettings, Ticker
+from nadrc_ros.nodes.pacing import Beat, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import receive, REFERENCE_TOPICS, Sender
@@ -35,9 +35,6 @@ class ReferenceNode(LiveNode):
 
     def __init__(self) -> None:
         super().__init__('reference')
-        self.pacing = ParameterGroup(
-            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
-        ).value
         self._signal = ParameterGroup(
             self, declared(ReferenceSettings) | signal_fields(), _make_signal
         )
@@ -52,7 +49,7 @@ class ReferenceNode(LiveNode):
         else:
             self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
             receive(self, 'command', lambda value, info: self._start())
-            self.ticker = Ticker(self, self.pacing.rate, self._on_timer)
+            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
         self.diagnostics = Diagnostics(self, self._report)
 
     def _start(self) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 import faulthandler
 import gc
 import os
@@ -14,8 +15,11 @@ import traceback
 from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameters import (
     name_odd_type,
+    ParameterGroup,
     refuse_undeclared,
     refuse_unknown_types,
 )
@@ -31,16 +35,33 @@ from rclpy.task import Future
 POLL = 0.05
 LONG = 60.0
 STOP_TIME = 0.5
+# Without a limit the wait takes seconds with a live reader.
+LAST_WAIT = 0.1
 TEAR_DOWN_TIME = 2.0
 # RuntimeError is what rclpy makes of a malformed --params-file or --ros-args.
 BAD_START = (UserError, ParameterException, OSError, RuntimeError)
 
 
 class LiveNode(Node):
-    """A node that can finish by itself, fail with a message, and stop in an orderly way."""
+    """
+    A node that can finish by itself, fail with a message, and stop in an orderly way.
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
+    Parameters
+    ----------
+    name
+        Its name.
+    namespace
+        Goes before the one that the command line gives, as in a process with several such nodes.
+
+    """
+
+    def __init__(self, name: str, namespace: str = '') -> None:
+        own = ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else None
+        super().__init__(name, cli_args=own)
+        self.pacing = ParameterGroup(
+            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
+        ).value
+        self.scheduling = 'not asked for'
         self.finished = False
         self.failure = ''
         self.told_to_stop = False
@@ -70,6 +91,9 @@ class LiveNode(Node):
 
     def close(self) -> None:
         """Do what is left, without callbacks: the last command, the last file."""
+
+    def await_delivery(self, seconds: float) -> None:
+        """Wait, but not for longer, until what ``close`` sent has arrived."""
 
 
 def make_executor() -> Executor:
@@ -116,12 +140,14 @@ def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> No
         spin_for(executor, LONG, done)
 
 
-def run(make_node: Callable[[], LiveNode]) -> int:
+def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     """
-    Run one node until it finishes, fails or is told to stop; return the exit code of the process.
+    Run a node, or several, until told to stop; return the exit code of the process.
 
-    rclpy's own signal handlers invalidate the context at once, and a last safe command could not
-    be sent; the ones here only raise a flag, also for a second signal while stopping.
+    All go on until the last one has finished, and all end with the first one that fails: nodes of
+    one process have one fate. rclpy's own signal handlers invalidate the context at once, and a
+    last safe command could not be sent; the ones here only raise a flag, also for a second signal
+    while stopping.
     """
     signals: list[int] = []
     nodes: list[LiveNode] = []
@@ -135,35 +161,67 @@ def run(make_node: Callable[[], LiveNode]) -> int:
         signal.signal(number, on_signal)
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = make_node()
-        nodes.append(node)
+        made = make()
+        nodes += [made] if isinstance(made, LiveNode) else made
     except BAD_START as error:
         print(f'cannot start: {error}', file=sys.stderr)
         rclpy.try_shutdown()
         return 1
     executor = make_executor()
-    executor.add_node(node)
+    for node in nodes:
+        executor.add_node(node)
+    _become_realtime(nodes)
     gc.collect()
     gc.freeze()  # a full collection in mid-run would stop the loop for milliseconds
     code = 0
     try:
-        spin_until(executor, node, lambda: signals or node.finished)
-        node.begin_stop()
+        spin_until(executor, nodes[0], lambda: signals or _over(nodes))
+        _begin_stop(nodes)
         end = time.monotonic() + STOP_TIME
-        while not node.stopped and time.monotonic() < end:
+        while not all(node.stopped for node in nodes) and time.monotonic() < end:
             spin_for(executor, 0.01)
     except Exception:
-        node.get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
+        nodes[0].get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
         code = 1
+        _begin_stop(nodes)
+    with ExitStack() as last:  # whatever happens in one of these, the others are done
+        last.callback(_tear_down, executor, nodes)
+        last.callback(_await_delivery, nodes)
+        for node in reversed(nodes):
+            last.callback(node.close)
+    return 1 if any(node.failure for node in nodes) else code
+
+
+def _over(nodes: Sequence[LiveNode]) -> bool:
+    return any(node.failure for node in nodes) or all(node.finished for node in nodes)
+
+
+def _become_realtime(nodes: Sequence[LiveNode]) -> None:
+    """Ask for real-time priority if a node wants it; say in one line what came of it."""
+    asking = [node for node in nodes if node.pacing.realtime]
+    if not asking:
+        return
+    from nadrc_ros.nodes.realtime import become_realtime
+
+    obtained, said = become_realtime()
+    logger = asking[0].get_logger()
+    (logger.info if obtained else logger.warning)(f'realtime: {said}')
+    for node in nodes:
+        node.scheduling = said
+
+
+def _begin_stop(nodes: Sequence[LiveNode]) -> None:
+    for node in nodes:
         node.begin_stop()
-    try:
-        node.close()
-    finally:
-        _tear_down(executor, node)
-    return 1 if node.failure else code
 
 
-def _tear_down(executor: Executor, node: Node) -> None:
+def _await_delivery(nodes: Sequence[LiveNode]) -> None:
+    end = time.monotonic() + LAST_WAIT
+    for node in nodes:
+        node.await_delivery(max(0.0, end - time.monotonic()))
+
+
+def _tear_down(executor: Executor, nodes: Sequence[LiveNode]) -> None:
     """
     Destroy what the middleware holds; all that matters is sent and written by now.
 
@@ -176,6 +234,7 @@ def _tear_down(executor: Executor, node: Node) -> None:
     with Path(os.devnull).open('w') as nowhere:
         faulthandler.dump_traceback_later(TEAR_DOWN_TIME, exit=True, file=nowhere)
         executor.shutdown(timeout_sec=0.0)
-        node.destroy_node()
+        for node in nodes:
+            node.destroy_node()
         rclpy.try_shutdown()
         faulthandler.cancel_dump_traceback_later()

@@ -1,0 +1,88 @@
+"""Several axes in one process: their names, the namespaces these stand for, what they share."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+import re
+import sys
+
+from nadrc_ros.adrc.errors import UserError
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+
+NAME = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+# What gives the namespace; of several rules the first one counts.
+NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
+# What one timer, and one way to be triggered, leave no choice in.
+SHARED = ('pacing', 'trigger', 'use_sim_time')
+EXAMPLES = """
+Each axis is a node of its own, /x/controller, /y/controller, ..., with its own topics,
+parameters, services, diagnostics, fault policy and trace; one timer ticks all of them.
+
+examples:
+  ros2 run nadrc_ros controller --ros-args -p b0:=2.0
+  ros2 run nadrc_ros controller --axes x y z --ros-args -r __ns:=/robot --params-file axes.yaml
+
+In the file, a key like /robot/x/controller is for one axis, and /** for all of them.
+All axes have the same trigger, and with trigger: timer the same rate. If one of them
+fails, all send their safe command, and the process ends.
+"""
+
+
+def axes_asked(arguments: Sequence[str]) -> list[str]:
+    """
+    Return the names of the axes on a command line, none where one nameless axis is meant.
+
+    Raises
+    ------
+    UserError
+        For a name that is no name, or is there twice.
+
+    """
+    parser = ArgumentParser(
+        prog='controller',
+        description='ADRC of one axis, or of several in one process.',
+        epilog=EXAMPLES,
+        formatter_class=RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        '--axes', nargs='+', metavar='NAME', default=[], help='one controller for each name'
+    )
+    names: list[str] = parser.parse_args(remove_ros_args(list(arguments))[1:]).axes
+    for name in names:
+        if not NAME.fullmatch(name):
+            allowed = 'letters, digits and _, and no digit first'
+            raise UserError(f'the axis {name!r} has no name to make a namespace of: {allowed}')
+        if names.count(name) > 1:
+            raise UserError(f'the axis {name!r} is there twice')
+    return names
+
+
+def axis_namespace(name: str, arguments: Sequence[str] = ()) -> str:
+    """Return the namespace of an axis, inside the one that the command line gives."""
+    rules = filter(None, map(NAMESPACE_RULE.fullmatch, arguments or sys.argv))
+    base = next((rule[1] for rule in rules), '/')
+    return f'{base.rstrip("/")}/{name}'
+
+
+def refuse_unequal(first: Node, other: Node) -> None:
+    """
+    Refuse an axis that cannot share a timer with the first one.
+
+    Raises
+    ------
+    UserError
+        Names both of them, and what differs.
+
+    """
+    timed = first.get_parameter('trigger').value == 'timer'
+    for name in (*SHARED, 'rate') if timed else SHARED:
+        values = [node.get_parameter(name).value for node in (first, other)]
+        if values[0] != values[1]:
+            nodes = [node.get_fully_qualified_name() for node in (first, other)]
+            raise UserError(
+                f'{name} is {values[0]} for {nodes[0]} and {values[1]} for {nodes[1]}: '
+                'the axes of one process share it'
+            )

@@ -1,0 +1,58 @@
+"""Real-time priority and locked memory for the whole process, where that is permitted."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from pathlib import Path
+import resource
+
+# That of the controller manager of ros2_control.
+PRIORITY = 50
+MCL_CURRENT, MCL_FUTURE = 1, 2
+LIMITS = '(/etc/security/limits.conf, or LimitRTPRIO and LimitMEMLOCK of systemd)'
+
+
+def become_realtime() -> tuple[bool, str]:
+    """
+    Ask for SCHED_FIFO for all threads and for locked memory; nothing is raised.
+
+    To be called when the threads of the middleware are there: they carry the samples, and the
+    main thread alone would wait for them. Threads that these start have the priority too.
+
+    Returns
+    -------
+    tuple
+        Whether both were obtained, and one line that says what was, or why not and what to do.
+
+    """
+    answers = _raise_priority(), _lock_memory()
+    wanted = ' '.join(need for _, need in answers if need)
+    said = ', '.join(said for said, _ in answers)
+    return not wanted, f'{said}; allow {wanted} for this user {LIMITS}' if wanted else said
+
+
+def _raise_priority() -> tuple[str, str]:
+    threads = [int(task.name) for task in Path('/proc/self/task').iterdir()]
+    try:
+        for thread in threads:
+            try:
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            except ProcessLookupError:  # it has ended by now
+                continue
+    except OSError as error:
+        return f'no SCHED_FIFO ({error.strerror})', f'rtprio {PRIORITY}'
+    return f'SCHED_FIFO {PRIORITY} on {len(threads)} threads', ''
+
+
+def _lock_memory() -> tuple[str, str]:
+    """Lock memory, unless there is a limit: an allocation beyond it would fail later."""
+    unlimited = resource.RLIM_INFINITY, resource.RLIM_INFINITY
+    try:
+        resource.setrlimit(resource.RLIMIT_MEMLOCK, unlimited)
+    except (OSError, ValueError):
+        return 'memory not locked (it has a limit)', 'memlock unlimited'
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
+        return f'memory not locked ({os.strerror(ctypes.get_errno())})', 'memlock unlimited'
+    return 'memory locked', ''
