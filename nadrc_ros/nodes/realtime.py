@@ -10,6 +10,7 @@ import resource
 # That of the controller manager of ros2_control.
 PRIORITY = 50
 MCL_CURRENT, MCL_FUTURE = 1, 2
+CAP_IPC_LOCK = 14
 LIMITS = '(/etc/security/limits.conf, or LimitRTPRIO and LimitMEMLOCK of systemd)'
 
 
@@ -47,12 +48,19 @@ def _raise_priority() -> tuple[str, str]:
 
 def _lock_memory() -> tuple[str, str]:
     """Lock memory, unless there is a limit: an allocation beyond it would fail later."""
-    unlimited = resource.RLIM_INFINITY, resource.RLIM_INFINITY
-    try:
-        resource.setrlimit(resource.RLIMIT_MEMLOCK, unlimited)
-    except (OSError, ValueError):
-        return 'memory not locked (it has a limit)', 'memlock unlimited'
+    hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]
+    if hard == resource.RLIM_INFINITY:
+        resource.setrlimit(resource.RLIMIT_MEMLOCK, (hard, hard))
+    elif not _unlimited():
+        return f'memory not locked (limited to {hard // 1024} kB)', 'memlock unlimited'
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
         return f'memory not locked ({os.strerror(ctypes.get_errno())})', 'memlock unlimited'
     return 'memory locked', ''
+
+
+def _unlimited() -> bool:
+    """Tell whether this process has the capability that no limit of locked memory holds for."""
+    status = Path('/proc/self/status').read_text(encoding='ascii')
+    capabilities = int(status.partition('CapEff:')[2].split()[0], 16)
+    return bool(capabilities >> CAP_IPC_LOCK & 1)

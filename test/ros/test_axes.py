@@ -66,8 +66,9 @@ def run_loops(
 ) -> tuple[dict[str, list[float]], NodeProcess]:
     """Run three loops until each command carries the load of its plant."""
     commands: dict[str, list[float]] = {axis: probe.listen(f'{axis}/command') for axis in AXES}
-    safe = {f'{axis}_safe_command': 10.0 + load for axis, load in AXES.items()}
-    controllers = run_axes(start, *python, **safe, **parameters)
+    for axis, load in AXES.items():
+        parameters[f'{axis}_safe_command'] = 10.0 + load
+    controllers = run_axes(start, *python, **parameters)
     for axis, load in AXES.items():
         space = f'{start.namespace}/{axis}'
         start('plant', **PLANT, disturbance_offset=load, namespace=space)
