@@ -8,7 +8,7 @@ SHELL := bash
 
 PYTHON ?= python3
 ARGS ?=
-BENCHES := step simulate many start_up robustness identify
+BENCHES := step simulate many ros_latency axes start_up robustness identify
 MIN_TESTS := 2700# `make test` fails when fewer are collected: raise it with the suite
 VENV := .venv
 PY := $(VENV)/bin/python

@@ -40,11 +40,12 @@ def environment() -> dict[str, str]:
 
 @contextmanager
 def process(
-    module: str, *arguments: str, namespace: str = '/', **parameters: object
+    module: str, *arguments: str, namespace: str = '', **parameters: object
 ) -> Iterator[Process]:
     """Run a module with nodes in it in a process of its own, until the block ends."""
     given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-    ros = ['--ros-args', *QUIET, '-r', f'__ns:={namespace}', *given]
+    inside = ['-r', f'__ns:={namespace}'] if namespace else []
+    ros = ['--ros-args', *QUIET, *inside, *given]
     start = monotonic()
     running = subprocess.Popen([sys.executable, '-m', module, *arguments, *ros], env=environment())
     try:

@@ -19,17 +19,14 @@ Keys: ``start_up.first_command_s``, ``.bare_node_s`` and ``.own_imports_s`` [s],
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-import os
-import random
-import signal
 import subprocess
 import sys
 from time import monotonic
 from typing import Any
 
+from bench.processes import BARE, CONTROLLER, environment, process
 from bench.results import save, show
+from nadrc_ros.nodes.graph import private_domain
 import numpy as np
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -39,33 +36,11 @@ from std_msgs.msg import Float64
 
 STARTS = 7
 PATIENCE = 60.0
-QUIET = ('--log-level', 'error')
 OWN = ('nadrc_ros', 'attr', 'attrs')
-CONTROLLER = 'nadrc_ros.nodes.controller'
-BARE = 'bench.bare_node'
 NODES = {'first_command_s': CONTROLLER, 'bare_node_s': BARE}
 PLANT = 'nadrc_ros.nodes.plant'
 # Damped and at rest without a command: it can wait for the next controller.
 PLANT_PARAMETERS = {'plant': 'chain', 'damping': '1.0', 'noise_variance': '1e-4'}
-
-
-def environment() -> dict[str, str]:
-    """Return one in which Python keeps what it compiled, as users have it."""
-    return {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
-
-
-@contextmanager
-def process(module: str, **parameters: str) -> Iterator[float]:
-    """Run a node in a process of its own; yield the time at which that was started [s]."""
-    given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-    start = monotonic()
-    command = [sys.executable, '-m', module, '--ros-args', *QUIET, *given]
-    running = subprocess.Popen(command, env=environment())
-    try:
-        yield start
-    finally:
-        running.send_signal(signal.SIGINT)
-        running.wait()
 
 
 class Listener:
@@ -107,8 +82,8 @@ def first_commands(starts: int) -> dict[str, list[float]]:
     with process(PLANT, **PLANT_PARAMETERS):
         for name, module in list(NODES.items()) * starts:
             listener.wait('measurement')
-            with process(module) as start:
-                found[name].append(listener.wait('command') - start)
+            with process(module) as started:
+                found[name].append(listener.wait('command') - started.start)
             while listener.node.count_publishers('command'):
                 listener.executor.spin_once(timeout_sec=0.05)
     listener.node.destroy_node()
@@ -144,8 +119,7 @@ print(perf_counter() - start)
 
 
 def main(starts: int = STARTS, **where: Any) -> None:
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    private_domain()
     samples = first_commands(starts) | {'own_imports_s': own_imports(starts)}
     found = {name: float(np.median(times)) for name, times in samples.items()}
     found['fastest_first_command_s'] = min(samples['first_command_s'])

@@ -61,6 +61,6 @@ def _lock_memory() -> tuple[str, str]:
 
 def _unlimited() -> bool:
     """Tell whether this process has the capability that no limit of locked memory holds for."""
-    status = Path('/proc/self/status').read_text(encoding='ascii')
+    status = Path('/proc/self/status').read_text(encoding='utf-8')
     capabilities = int(status.partition('CapEff:')[2].split()[0], 16)
     return bool(capabilities >> CAP_IPC_LOCK & 1)
