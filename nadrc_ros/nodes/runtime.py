@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 import faulthandler
+from functools import partial
 import gc
 import os
 from pathlib import Path
@@ -37,6 +37,7 @@ LONG = 60.0
 STOP_TIME = 0.5
 # Without a limit the wait takes seconds with a live reader.
 LAST_WAIT = 0.1
+DESTROY_TIME = 0.2
 TEAR_DOWN_TIME = 2.0
 # RuntimeError is what rclpy makes of a malformed --params-file or --ros-args.
 BAD_START = (UserError, ParameterException, OSError, RuntimeError)
@@ -184,12 +185,15 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
         nodes[0].get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
         code = 1
         _begin_stop(nodes)
-    with ExitStack() as last:  # whatever happens in one of these, the others are done
-        last.callback(_tear_down, executor, nodes)
-        last.callback(_await_delivery, nodes)
-        for node in reversed(nodes):
-            last.callback(node.close)
-    return 1 if any(node.failure for node in nodes) else code
+    for last in (*(node.close for node in nodes), partial(_await_delivery, nodes)):
+        try:
+            last()
+        except Exception:  # the others must be closed all the same
+            nodes[0].get_logger().fatal('while stopping:\n' + traceback.format_exc())
+            code = 1
+    code = 1 if any(node.failure for node in nodes) else code
+    _tear_down(executor, nodes, code)
+    return code
 
 
 def _over(nodes: Sequence[LiveNode]) -> bool:
@@ -221,20 +225,24 @@ def _await_delivery(nodes: Sequence[LiveNode]) -> None:
         node.await_delivery(max(0.0, end - time.monotonic()))
 
 
-def _tear_down(executor: Executor, nodes: Sequence[LiveNode]) -> None:
+def _tear_down(executor: Executor, nodes: Sequence[LiveNode], code: int) -> None:
     """
     Destroy what the middleware holds; all that matters is sent and written by now.
 
     Fast DDS 2.14 can lock up in that, with the GIL held, when peers go at the same moment. The
-    process ends then all the same, with exit code 1: this watchdog needs no GIL.
+    process ends then all the same, with exit code 1: this watchdog needs no GIL. And of many nodes
+    it destroys thousands of parts one by one: what is left after a while goes with the process.
     """
     # Python gives a handler up on its way out, and one more signal would then end the process.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
+    end = time.monotonic() + DESTROY_TIME
     with Path(os.devnull).open('w') as nowhere:
         faulthandler.dump_traceback_later(TEAR_DOWN_TIME, exit=True, file=nowhere)
         executor.shutdown(timeout_sec=0.0)
         for node in nodes:
+            if time.monotonic() > end:
+                os._exit(code)
             node.destroy_node()
         rclpy.try_shutdown()
         faulthandler.cancel_dump_traceback_later()
