@@ -10,7 +10,7 @@ in the namespace of its axis.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+import signal
 import sys
 
 import rclpy
@@ -18,6 +18,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_msgs.msg import Float64
 
@@ -64,7 +65,7 @@ def loop(nodes: list[Node]) -> None:
 
 
 def main() -> None:
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     axes = rclpy.utilities.remove_ros_args(sys.argv)[1:]
     nodes = [Node('controller', namespace=axis) for axis in axes] or [Node('controller')]
     if axes:
@@ -74,9 +75,15 @@ def main() -> None:
     running = executor()
     for node in nodes:
         running.add_node(node)
-    with suppress(KeyboardInterrupt):
-        while rclpy.ok():
-            running.spin_until_future_complete(Future(), timeout_sec=60.0)
+    stopped = Future()
+    signal.signal(signal.SIGINT, lambda *_: stopped.set_result(None))
+    while not stopped.done():
+        running.spin_until_future_complete(stopped, timeout_sec=0.5)
+    # One that goes without a word is remembered for 20 s, and in the way of those that come.
+    running.shutdown(timeout_sec=0.0)
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown()
 
 
 if __name__ == '__main__':

@@ -21,7 +21,7 @@ Samples = Mapping[str, npt.ArrayLike]
 
 def save(
     part: str,
-    figures: Mapping[str, Figures] | Figures,
+    figures: Mapping[str, Any],
     samples: Samples,
     folder: Path = FOLDER,
 ) -> None:

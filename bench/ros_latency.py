@@ -153,8 +153,8 @@ def main(
         for rate in rates
     }
     save('ros_latency', figures, samples, **where)
-    for rate, rows in figures.items():
-        show(f'ros_latency, {rate} Hz', over('echo', rows, 'median_ms'), FOOTNOTE)
+    for rate in rates:
+        show(f'ros_latency, {rate} Hz', over('echo', figures[str(rate)], 'median_ms'), FOOTNOTE)
 
 
 def summary(samples: Mapping[str, list[float]], name: str) -> dict[str, float]:

@@ -10,6 +10,7 @@ from math import inf
 from pathlib import Path
 import re
 
+from marked import filled
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode, supervise, Watch
@@ -126,12 +127,7 @@ def _name(cause: Cause) -> str:
 
 def page() -> str:
     """Return the page with its generated parts as they have to be."""
-    text = PAGE.read_text(encoding='utf-8')
-    for name, part in (('promises', promise_table()), ('states', state_diagram())):
-        marks = f'<!-- {name} -->', f'<!-- end of {name} -->'
-        before, rest = text.split(marks[0])
-        text = f'{before}{marks[0]}\n\n{part}\n\n{marks[1]}{rest.split(marks[1])[1]}'
-    return text
+    return filled(PAGE, {'promises': promise_table(), 'states': state_diagram()})
 
 
 if __name__ == '__main__':

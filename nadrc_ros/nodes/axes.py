@@ -25,8 +25,9 @@ examples:
   ros2 run nadrc_ros controller --axes x y z --ros-args -r __ns:=/robot --params-file axes.yaml
 
 In the file, a key like /robot/x/controller is for one axis, and /** for all of them.
-All axes have the same trigger, and with trigger: timer the same rate. If one of them
-fails, all send their safe command, and the process ends.
+All axes have the same trigger, and with trigger: timer the same rate; with trigger:
+measurement, and in lockstep, each goes by its own samples. If one of them fails, all
+send their safe command, and the process ends.
 """
 
 

@@ -154,3 +154,22 @@ def test_the_help_explains_the_axes_and_a_misspelt_option_is_a_usage_error() -> 
     assert told.returncode == 0 and '--axes NAME' in told.stdout and '/**' in told.stdout
     refused = controller('--axis', 'x')
     assert refused.returncode == 2 and '--axis' in refused.stderr
+
+
+def test_in_lockstep_each_axis_goes_by_its_own_samples_and_the_last_one_ends_the_process(
+    probe: Probe, start: Processes
+) -> None:
+    paced: dict[str, Any] = {'rate': 50.0, 'pacing': 'lockstep', 'reference_derivatives': 'none'}
+    axes = run_axes(
+        start, axes=('x', 'y'), **paced, x_steps=20, y_steps=40, readers='command: plant'
+    )
+    del paced['reference_derivatives']
+    processes = [axes]
+    for axis, steps in {'x': 20, 'y': 40}.items():
+        own = {**paced, 'steps': steps, 'namespace': f'{start.namespace}/{axis}'}
+        processes += [
+            start('plant', **PLANT | own, readers='measurement: controller reference'),
+            start('reference', **own, readers='reference: controller'),
+        ]
+    # a plant ends well when it had a command for each of its steps
+    assert [probe.end_of(process) for process in processes] == [0] * 5, axes.said
