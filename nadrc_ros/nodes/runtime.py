@@ -185,7 +185,9 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
         nodes[0].get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
         code = 1
         _begin_stop(nodes)
-    for last in (*(node.close for node in nodes), partial(_await_delivery, nodes)):
+    endings: list[Callable[[], None]] = [node.close for node in nodes]
+    endings.append(partial(_await_delivery, nodes))
+    for last in endings:
         try:
             last()
         except Exception:  # the others must be closed all the same
