@@ -16,6 +16,7 @@ from nadrc_ros.cli.report import report
 from nadrc_ros.cli.simulate import simulate
 from nadrc_ros.cli.summarise import summarise
 from nadrc_ros.cli.sweep import sweep
+from nadrc_ros.cli.tune import tune
 import typer
 
 COMMANDS = (design, simulate, demo, report, identify, sweep, summarise, paper)

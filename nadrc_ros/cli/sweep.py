@@ -1,21 +1,17 @@
 """`nadrc sweep`: a scenario over a grid of values and seeds, into a table."""
 
 # ruff: noqa: UP045
-from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting, USER_ERROR
+from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.run_table import RunTable
     from nadrc_ros.scenario.sweep import Sweep
-
-# Without a terminal, a line that often [s].
-EVERY = 10.0
 
 
 def sweep(
@@ -85,33 +81,7 @@ def _fill(
         (wanted, start, min(start + size, table.runs), fast, complain)
         for start in range(table.done, table.runs, size)
     )
-    with _progress(table) as tell:
+    with progress('runs', table.runs, table.done) as tell:
         for found in stream(executor, run_range, tasks):
             table.append(found)
-            tell()
-
-
-@contextmanager
-def _progress(table: 'RunTable') -> Iterator[Any]:
-    """Show a bar on a terminal, otherwise write a line now and then."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if console.is_terminal:
-        from rich.progress import MofNCompleteColumn, Progress
-
-        with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), console=console) as p:
-            task = p.add_task('runs', total=table.runs, completed=table.done)
-            yield lambda: p.update(task, completed=table.done)
-        return
-    from time import monotonic
-
-    last = monotonic()
-
-    def tell() -> None:
-        nonlocal last
-        if monotonic() - last >= EVERY:
-            last = monotonic()
-            complain(f'{table.done} of {table.runs} runs')
-
-    yield tell
+            tell(table.done)

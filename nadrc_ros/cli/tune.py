@@ -1,0 +1,315 @@
+"""`nadrc tune`: bandwidths, b0 and gains of a scenario's controllers by evolutionary search."""
+
+# ruff: noqa: UP045
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Optional, TYPE_CHECKING
+
+from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting
+from nadrc_ros.cli.progress import progress
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.scenario import Scenario
+    from nadrc_ros.tuning.result import Tuned
+    from nadrc_ros.tuning.settings import TuneSettings
+    from nadrc_ros.tuning.study import TuningStudy
+
+OUT = Path('out/tune')
+# What is decided after the search, or where it is done.
+NOT_TUNING = (
+    'file',
+    'controller',
+    'settings',
+    'isu',
+    'choose',
+    'storage',
+    'worker',
+    'jobs',
+    'out',
+)
+
+
+def tune(
+    file: Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')],
+    controller: Annotated[
+        Optional[list[str]], typer.Option(help='Only this controller; may be repeated.')
+    ] = None,
+    budget: Annotated[
+        Optional[float],
+        typer.Option(help='Largest ISU: the best design within it, instead of a front.'),
+    ] = None,
+    objective: Annotated[
+        Optional[str], typer.Option(help='itae (default), iae, ise, itse, rmse, max_error, ...')
+    ] = None,
+    vary: Annotated[
+        Optional[list[str]],
+        typer.Option(help='Instead of the defaults: NAME or NAME=LOW:HIGH; may be repeated.'),
+    ] = None,
+    b0_spread: Annotated[
+        Optional[str], typer.Option(help='Spread of the input gain of the plant: 0.5:2.')
+    ] = None,
+    plant: Annotated[
+        Optional[list[str]],
+        typer.Option(help='Spread of a plant coefficient, a3=0.1:0.3; may be repeated.'),
+    ] = None,
+    over: Annotated[
+        Optional[str], typer.Option(help='Of the spread, what counts: worst (default) or mean.')
+    ] = None,
+    seeds: Annotated[
+        Optional[int], typer.Option(help='Noise sequences to average over (4).')
+    ] = None,
+    gain_margin: Annotated[
+        Optional[float], typer.Option(help='Stable with the plant gain times and over this (2).')
+    ] = None,
+    modulus_margin: Annotated[
+        Optional[float], typer.Option(help='Least distance of the loop from -1 (0.4).')
+    ] = None,
+    delay_margin: Annotated[
+        Optional[float], typer.Option(help='Least delay that destabilises, in periods (1).')
+    ] = None,
+    largest_wh: Annotated[
+        Optional[float], typer.Option(help='Largest bandwidth times period (0.3).')
+    ] = None,
+    peak: Annotated[
+        Optional[float], typer.Option(help='Largest |command|; default: the limits.')
+    ] = None,
+    sampler: Annotated[
+        Optional[str],
+        typer.Option(help='nsga2 (default), or with a budget cmaes (default then) or pso.'),
+    ] = None,
+    trials: Annotated[Optional[int], typer.Option(help='Designs to try (1000).')] = None,
+    population: Annotated[
+        Optional[int], typer.Option(help='Designs of a generation (40).')
+    ] = None,
+    seed: Annotated[Optional[int], typer.Option(help='Seed of the search (0).')] = None,
+    settings: Annotated[
+        Optional[Path],
+        typer.Option(help='YAML file with the options above, as vary: {b0: [0.5, 2]}.'),
+    ] = None,
+    isu: Annotated[
+        Optional[float], typer.Option(help='Take the best design of the front up to this ISU.')
+    ] = None,
+    choose: Annotated[
+        Optional[int], typer.Option(help='Take this point of the front, by number.')
+    ] = None,
+    storage: Annotated[
+        Optional[str],
+        typer.Option(help='Journal file or database URL of the studies; default: in the folder.'),
+    ] = None,
+    worker: Annotated[
+        int, typer.Option(min=0, help='Number of this machine, if several share a storage.')
+    ] = 0,
+    jobs: Annotated[
+        Optional[int], typer.Option(min=1, help='Runs at once; by default one per core.')
+    ] = None,
+    out: Annotated[
+        Optional[Path], typer.Option(help='Folder for the results; default out/tune/SCENARIO.')
+    ] = None,
+) -> None:
+    """
+    Find bandwidths and gains that track well for little effort under noise.
+
+    By default the front of ITAE against ISU and its knee. Writes the tuned scenario, a ROS
+    parameter file per controller, tune.json and front.png. After Ctrl-C or a kill the same command
+    goes on; when all is done it takes --isu or --choose from what was found.
+
+    Example: nadrc tune motor_speed, or nadrc tune paper --budget 20 --b0-spread 0.7:1.4
+    """
+    given = {key: value for key, value in locals().items() if value and key not in NOT_TUNING}
+    with reporting(file):
+        from nadrc_ros.scenario import find_scenario, load
+
+        path = find_scenario(file)
+        scenario = _bare(load(path))
+    with reporting():
+        names = _chosen(scenario, controller)
+        tuning = _tuning(given, settings)
+        folder = out or OUT / path.stem
+        try:
+            from nadrc_ros.tuning.study import open_storage
+        except ImportError as error:
+            from nadrc_ros.adrc.errors import UserError
+
+            raise UserError(f'tune needs {error.name}: pip install "nadrc_ros[tune]"') from None
+        where = storage or str(folder / 'study.log')
+        studies = _studies(scenario, names, tuning, open_storage(where), worker)
+        try:
+            for name, study in studies.items():
+                _search(name, study, jobs)
+        except KeyboardInterrupt:
+            complain(f'interrupted: the study in {where} is kept; the same command goes on')
+            raise typer.Exit(INTERRUPTED) from None
+        _finish(path.stem, scenario, tuning, studies, isu, choose, folder)
+
+
+def _bare(scenario: 'Scenario') -> 'Scenario':
+    """Leave retunes out: what is tuned would be overwritten by them."""
+    import attrs
+
+    for retune in scenario.retunes:
+        complain(f'the retune at {retune.time:g} s is left out: it would change what is tuned')
+    return attrs.evolve(scenario, retunes=())
+
+
+def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
+    from nadrc_ros.adrc.errors import SettingError
+
+    for name in wanted or []:
+        if name not in scenario.controllers:
+            raise SettingError('--controller', name, 'one of ' + ', '.join(scenario.controllers))
+    names = [name for name in scenario.controllers if name in (wanted or scenario.controllers)]
+    for name in names:
+        if name == 'scenario':
+            raise SettingError(
+                'controllers', name, 'named otherwise: scenario.yaml is written too'
+            )
+    return names
+
+
+def _tuning(given: dict[str, Any], file: Optional[Path]) -> 'TuneSettings':
+    from nadrc_ros.adrc.errors import SettingError
+    from nadrc_ros.scenario.files import read_text
+    from nadrc_ros.scenario.yaml_text import read_yaml
+    from nadrc_ros.tuning.settings import settings_from
+
+    for key in ('vary', 'plant'):
+        if key in given:
+            given[key] = dict(_named_range(key, text) for text in given[key])
+    if 'b0_spread' in given:
+        given['b0_spread'] = _range('b0_spread', given['b0_spread'])
+    content = {} if file is None else read_yaml(read_text(file))
+    if not isinstance(content, dict):
+        raise SettingError('--settings', str(file), 'a file with a mapping of options to values')
+    return settings_from(content, given)
+
+
+def _named_range(key: str, text: str) -> tuple[str, Any]:
+    name, equals, span = text.partition('=')
+    return name, _range(f'{key}.{name}', span) if equals else ()
+
+
+def _range(name: str, text: str) -> tuple[float, ...]:
+    from nadrc_ros.adrc.errors import SettingError
+
+    try:
+        low, high = map(float, text.split(':'))
+    except ValueError:
+        raise SettingError(name, text, 'low:high, two numbers') from None
+    return low, high
+
+
+def _studies(
+    scenario: 'Scenario', names: list[str], tuning: 'TuneSettings', storage: Any, worker: int
+) -> 'dict[str, TuningStudy]':
+    from nadrc_ros.simulation.experiment import kernel
+    from nadrc_ros.tuning.score import Judge
+    from nadrc_ros.tuning.study import TuningStudy
+    from nadrc_ros.tuning.variables import variables
+
+    found = {}
+    for name in names:
+        experiment = scenario.experiment()
+        periods = tuning.trials * tuning.seeds * experiment.steps
+        fast = kernel(experiment, periods, None, complain) is not None
+        judge = Judge(scenario, name, tuning, fast)
+        varied = variables(
+            judge.settings, tuning.vary, scenario.rate, scenario.duration, tuning.largest_wh
+        )
+        assert judge.corners  # refuses a bad end before anything is run
+        found[name] = TuningStudy(judge, varied, storage, name, worker)
+    if not scenario.noise.variance:
+        complain('there is no noise: effort costs little, and bandwidths grow to what is allowed')
+    return found
+
+
+def _search(name: str, study: 'TuningStudy', jobs: Optional[int]) -> None:
+    from nadrc_ros.tuning.study import evaluate
+
+    if study.done >= study.tuning.trials:
+        return
+    with (
+        progress(f'designs of {name}', study.tuning.trials, study.done) as tell,
+        _workers(study.judge.compiled, jobs) as executor,
+    ):
+        study.run(executor, evaluate, lambda done: tell(done, study.best))
+
+
+@contextmanager
+def _workers(fast: bool, jobs: Optional[int]) -> 'Iterator[Executor]':
+    """Give threads to runs that are compiled, which leave the interpreter alone, else processes."""
+    from concurrent.futures import ThreadPoolExecutor
+    import os
+
+    from nadrc_ros.cli.workers import processes
+
+    if fast:
+        with ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
+            yield threads
+    else:
+        with processes(jobs) as executor:
+            yield executor
+
+
+def _finish(
+    name: str,
+    scenario: 'Scenario',
+    tuning: 'TuneSettings',
+    studies: 'dict[str, TuningStudy]',
+    isu: Optional[float],
+    number: Optional[int],
+    folder: Path,
+) -> None:
+    from nadrc_ros.report.caption import title_of
+    from nadrc_ros.report.figure import render
+    from nadrc_ros.tuning.picture import draw
+    from nadrc_ros.tuning.result import document, texts, tuned
+    from nadrc_ros.writing import write_json, write_whole
+
+    found = [tuned(study, one, isu, number) for one, study in studies.items()]
+    title = title_of(name, scenario)
+    contents = {key: text.encode() for key, text in texts(scenario, found).items()}
+    contents['front.png'] = render(draw(found, title, tuning.objective.upper()), 'png')
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, content in contents.items():
+        write_whole(folder / file, content)
+    write_json(folder / 'tune.json', document(name, tuning, found))
+    for one in found:
+        _print_front(one, tuning)
+    _print_table(title, found)
+    typer.echo(f'tuned scenario {folder / "scenario.yaml"}')
+    for one in found:
+        typer.echo(f'ROS parameters {folder / one.name}.yaml')
+    typer.echo(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
+
+
+ROWS = 12
+
+
+def _print_front(one: 'Tuned', tuning: 'TuneSettings') -> None:
+    """Print some of the front, the ends and the chosen point among them."""
+    from rich.console import Console
+    from rich.table import Table
+
+    objective = tuning.objective.upper()
+    table = Table(
+        box=None, pad_edge=False, title=f'{one.name}: {one.choice.why}', title_justify='left'
+    )
+    for head in ('', 'ISU', objective, *(v.name for v in one.varied)):
+        table.add_column(head, justify='right')
+    last = len(one.front) - 1
+    shown = {round(i * last / (ROWS - 1)) for i in range(ROWS)} | {one.choice.index}
+    for i in sorted(shown):
+        point = one.front[i]
+        numbers = (point.figures.isu, point.figures.objective)
+        cells = [f'{x:.4g}' for x in (*numbers, *point.values.values())]
+        table.add_row(str(i + 1), *cells, style='bold' if i == one.choice.index else '')
+    Console().print(table)
+
+
+def _print_table(title: str, found: 'list[Tuned]') -> None:
+    from nadrc_ros.cli.table import print_figures_of_merit
+
+    print_figures_of_merit(f'{title}, as tuned', {one.name: one.predicted for one in found})

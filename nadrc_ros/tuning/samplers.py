@@ -1,0 +1,139 @@
+"""The searches, as Optuna samplers, each made anew for one generation from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+import warnings
+
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.tuning.settings import TuneSettings
+import numpy as np
+import optuna
+from optuna.distributions import BaseDistribution
+from optuna.samplers import BaseSampler, CmaEsSampler, NSGAIISampler, RandomSampler
+from optuna.samplers.nsgaii import PolynomialMutation, SBXCrossover
+from optuna.search_space import IntersectionSearchSpace
+from optuna.study import Study
+from optuna.trial import FrozenTrial
+
+# Children lie close to their parents: a generation improves more than it explores, the first one
+# having explored.
+SPREAD = 10.0
+
+
+def make_sampler(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]) -> BaseSampler:
+    """
+    Return the sampler of the next generation after ``history``.
+
+    Raises
+    ------
+    UserError
+        When the package of the sampler is not installed.
+
+    """
+    makers: dict[str, Callable[[], BaseSampler]] = {
+        'nsga2': lambda: _nsga2(tuning, seed),
+        'cmaes': lambda: _cmaes(tuning, seed, history),
+        'pso': lambda: SwarmSampler(tuning, seed),
+    }
+    with warnings.catch_warnings():
+        # The options used below are called experimental for years, or since Optuna 5.
+        warnings.simplefilter('ignore', optuna.exceptions.ExperimentalWarning)
+        try:
+            return makers[tuning.method]()
+        except ImportError as error:
+            raise UserError(
+                f'--sampler {tuning.method} needs {error.name}: pip install "nadrc_ros[tune]"'
+            ) from None
+
+
+def _nsga2(tuning: TuneSettings, seed: int) -> BaseSampler:
+    return NSGAIISampler(
+        population_size=tuning.population,
+        crossover=SBXCrossover(eta=SPREAD),
+        mutation=PolynomialMutation(eta=SPREAD),
+        seed=seed,
+    )
+
+
+def _cmaes(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]) -> BaseSampler:
+    """Start from the distribution of the best of the first generation, which is random."""
+    if not history:
+        return RandomSampler(seed=seed)
+    import cmaes  # noqa: F401
+
+    return CmaEsSampler(
+        source_trials=list(history[: tuning.population]),
+        popsize=tuning.population,
+        independent_sampler=RandomSampler(seed=seed),
+        seed=seed,
+    )
+
+
+class SwarmSampler(BaseSampler):
+    """
+    Particle swarm optimisation by pymoo, told all earlier generations again.
+
+    The swarm is a function of its seed and of what it was told, so nothing else is stored.
+    """
+
+    def __init__(self, tuning: TuneSettings, seed: int) -> None:
+        from pymoo.algorithms.soo.nonconvex.pso import PSO  # noqa: F401
+
+        self.population = tuning.population
+        self.first_seed = tuning.seed
+        self.random = RandomSampler(seed=seed)
+        self.space = IntersectionSearchSpace()
+        self.waiting: list[dict[str, Any]] | None = None
+
+    def infer_relative_search_space(
+        self, study: Study, trial: FrozenTrial
+    ) -> dict[str, BaseDistribution]:
+        """Return the space that all finished trials share."""
+        return self.space.calculate(study)
+
+    def sample_relative(
+        self, study: Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
+    ) -> dict[str, Any]:
+        """Return the next particle; nothing before the first generation is known."""
+        if not search_space:
+            return {}
+        if self.waiting is None:
+            self.waiting = self._particles(study, search_space)
+        return self.waiting.pop(0)
+
+    def sample_independent(
+        self,
+        study: Study,
+        trial: FrozenTrial,
+        param_name: str,
+        param_distribution: BaseDistribution,
+    ) -> Any:
+        """Sample at random."""
+        return self.random.sample_independent(study, trial, param_name, param_distribution)
+
+    def _particles(self, study: Study, space: dict[str, BaseDistribution]) -> list[dict[str, Any]]:
+        from optuna._transform import _SearchSpaceTransform
+        from pymoo.algorithms.soo.nonconvex.pso import PSO
+        from pymoo.core.problem import Problem
+        from pymoo.termination import NoTermination
+
+        scale = _SearchSpaceTransform(space, transform_0_1=True)
+        done = [t for t in study.get_trials(deepcopy=False) if t.values is not None]
+        told = [scale.transform(trial.params) for trial in done]
+        size = self.population
+        swarm = PSO(pop_size=size, sampling=np.array(told[:size]))
+        swarm.setup(
+            Problem(n_var=len(space), n_obj=1, xl=0.0, xu=1.0),
+            termination=NoTermination(),
+            seed=self.first_seed,
+        )
+        for start in range(0, len(done), size):
+            particles = swarm.ask()
+            values = [[trial.value] for trial in done[start : start + size]]
+            swarm.evaluator.n_eval += len(values)
+            particles.set('X', np.array(told[start : start + size]))
+            particles.set('F', np.array(values))
+            swarm.tell(infills=particles)
+        return [scale.untransform(x) for x in swarm.ask().get('X')]

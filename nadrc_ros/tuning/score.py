@@ -1,0 +1,227 @@
+"""How good a design is: its figures of merit over seeds and corners, and what it violates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from math import log
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.theory.loop import chain
+from nadrc_ros.adrc.theory.margins import Margins, margins
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.scenario.user_plant import blame
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.many import run_metrics, RunMetrics
+from nadrc_ros.tuning.settings import TuneSettings
+from nadrc_ros.tuning.variables import designed
+import numpy as np
+
+# Not those of a scenario, so that what is found can be judged with others.
+FIRST_SEED = 1001
+# With the first seed alone: that far over the budget, or beyond a better design, is hopeless.
+HOPELESS = 1.05
+GRID = 200
+# Of a design that cannot be run, is unstable, or ran away.
+NEVER = 10.0
+
+
+@attrs.frozen
+class Figures:
+    """Objective and effort of a design, over the corners."""
+
+    objective: float
+    isu: float
+
+    def beats(self, other: Figures, factor: float = 1.0) -> bool:
+        """Tell whether the other is worse by ``factor`` in both."""
+        return factor * self.objective <= other.objective and factor * self.isu <= other.isu
+
+
+@attrs.frozen(kw_only=True)
+class Score:
+    """
+    What is known of a design.
+
+    ``figures`` over all seeds and ``first`` with the first seed, None where it was not run so far;
+    ``violations`` by constraint, logarithms of how far it is beyond, none for a feasible design.
+    """
+
+    figures: Figures | None = None
+    first: Figures | None = None
+    violations: dict[str, float] = attrs.field(factory=dict)
+
+
+@attrs.frozen
+class Corner:
+    """A plant to try: the experiment, and a factor on the input gain of the plant."""
+
+    experiment: Experiment
+    gain: float
+
+
+class Judge:
+    """Scores designs of one controller of a scenario; can be sent to another process."""
+
+    def __init__(
+        self, scenario: Scenario, name: str, tuning: TuneSettings, compiled: bool
+    ) -> None:
+        self.scenario = scenario
+        self.settings = scenario.controllers[name]
+        self.tuning = tuning
+        self.compiled = compiled
+        count = tuning.seeds if scenario.noise.variance > 0.0 else 1
+        self.seeds = range(FIRST_SEED, FIRST_SEED + count)
+        self._corners: list[Corner] = []
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, '_corners': []}  # a user's plant cannot be sent
+
+    @property
+    def corners(self) -> list[Corner]:
+        """The nominal plant, then every combination of the ends of what is spread."""
+        if not self._corners:
+            self._corners = corners(self.scenario, self.tuning)
+        return self._corners
+
+    def score(self, values: dict[str, float], better: Sequence[Figures] = ()) -> Score:
+        """
+        Return the score of a design; runs no more than it needs to find it hopeless.
+
+        ``better`` are figures with the first seed that are to beat.
+        """
+        try:
+            settings = designed(self.settings, values)
+            settings.check_rate(self.scenario.rate)
+        except SettingError:
+            return Score(violations={'settings': NEVER})
+        violations = {k: v for k, v in self.theory(settings).items() if v > 0.0}
+        if violations:
+            return Score(violations=violations)
+        return self._measured(settings, better)
+
+    def theory(self, settings: ControllerSettings) -> dict[str, float]:
+        """Return how far beyond each constraint the loop with a chain of integrators is."""
+        tuning, h = self.tuning, 1.0 / self.scenario.rate
+        fastest = max(make_design(settings).bandwidths) * h
+        if fastest > tuning.largest_wh * (1.0 + 1e-9):
+            return {'largest_wh': log(fastest / tuning.largest_wh)}
+        found = self.margins(settings)
+        if found.modulus == 0.0:
+            return {'stability': NEVER}
+        low, high = tuning.gain_margin * found.gain_low, tuning.gain_margin / found.gain_high
+        gain = max(low, high)
+        return {
+            'gain_margin': log(gain) if gain > 0.0 else 0.0,
+            'modulus_margin': tuning.modulus_margin - found.modulus,
+            'delay_margin': tuning.delay_margin * h - found.delay,
+        }
+
+    def margins(self, settings: ControllerSettings) -> Margins:
+        """Return the margins of the loop with the chain of integrators of the nominal b0."""
+        plant = self.corners[0].experiment.plant
+        return margins(
+            make_design(settings),
+            chain(plant.order, plant.b0),
+            1.0 / self.scenario.rate,
+            0.0,
+            GRID,
+        )
+
+    def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
+        runs = [self._runs(settings, self.seeds[:1], corner) for corner in self.corners]
+        violations = self._violated(runs)
+        if violations:
+            return Score(violations=violations)
+        first = self._figures(runs)
+        too_costly = self.tuning.budget > 0.0 and first.isu > HOPELESS * self.tuning.budget
+        if too_costly or any(one.beats(first, HOPELESS) for one in better):
+            return Score(first=first, violations=self._over_budget(first))
+        for corner, found in zip(self.corners, runs):
+            found += self._runs(settings, self.seeds[1:], corner)
+        violations = self._violated(runs)
+        if violations:
+            return Score(first=first, violations=violations)
+        figures = self._figures(runs)
+        return Score(figures=figures, first=first, violations=self._over_budget(figures))
+
+    def _runs(
+        self, settings: ControllerSettings, seeds: Sequence[int], corner: Corner
+    ) -> list[RunMetrics]:
+        scaled = with_gain(self._clamped(settings), corner.gain)
+        with blame(self.scenario.plant.file):
+            found = [run_metrics(corner.experiment, scaled, s, self.compiled) for s in seeds]
+        return [attrs.evolve(run, isu=run.isu / corner.gain**2) for run in found]
+
+    def _clamped(self, settings: ControllerSettings) -> ControllerSettings:
+        """Return the settings with the peak as limits: a design within it never touches them."""
+        peak = self.tuning.peak
+        if not peak:
+            return settings
+        return attrs.evolve(
+            settings,
+            command_min=max(settings.command_min, -peak),
+            command_max=min(settings.command_max, peak),
+        )
+
+    def _violated(self, runs: Sequence[Sequence[RunMetrics]]) -> dict[str, float]:
+        every = [run for found in runs for run in found]
+        if any(run.skipped for run in every):
+            return {'stability': NEVER}
+        touched = max(run.saturated_fraction for run in every)
+        return {'peak': touched} if self.tuning.peak and touched > 0.0 else {}
+
+    def _over_budget(self, figures: Figures) -> dict[str, float]:
+        budget = self.tuning.budget
+        return {'budget': log(figures.isu / budget)} if 0.0 < budget < figures.isu else {}
+
+    def _figures(self, runs: Sequence[Sequence[RunMetrics]]) -> Figures:
+        over: Callable[..., Any] = max if self.tuning.over == 'worst' else np.mean
+        name = self.tuning.objective
+        return Figures(
+            float(over([np.mean([getattr(run, name) for run in found]) for found in runs])),
+            float(over([np.mean([run.isu for run in found]) for found in runs])),
+        )
+
+
+def corners(scenario: Scenario, tuning: TuneSettings) -> list[Corner]:
+    """
+    Return the nominal plant and every combination of the ends of what is spread.
+
+    Raises
+    ------
+    SettingError, ScenarioError
+        When a plant refuses an end.
+
+    """
+    gains = tuning.b0_spread or (1.0,)
+    ends = product(*([(name, end) for end in span] for name, span in tuning.plant.items()))
+    found = [Corner(scenario.experiment(), 1.0)]
+    for values in ends:
+        spec = attrs.evolve(scenario.plant, values={**scenario.plant.values, **dict(values)})
+        experiment = attrs.evolve(scenario, plant=spec).experiment()
+        found += [Corner(experiment, gain) for gain in gains if values or gain != 1.0]
+    return found
+
+
+def with_gain(settings: ControllerSettings, gain: float) -> ControllerSettings:
+    """
+    Return the controller that does to the nominal plant what this one does to ``gain`` times it.
+
+    The plant of input gain g gets g u: so all commands are counted in g u, which makes b0 / g of
+    b0, and its effort is g^2 times that of u.
+    """
+    if gain == 1.0:
+        return settings
+    return attrs.evolve(
+        settings,
+        b0=settings.b0 / gain,
+        command_min=settings.command_min * gain,
+        command_max=settings.command_max * gain,
+        command_rate_limit=settings.command_rate_limit * gain,
+        safe_command=settings.safe_command * gain,
+    )

@@ -1,0 +1,122 @@
+"""What a tuning is asked for: objective, budget, spread, constraints, search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import build, choice, integer, number
+
+OBJECTIVES = ('itae', 'iae', 'ise', 'itse', 'rmse', 'max_error', 'peak_error')
+SAMPLERS = ('auto', 'nsga2', 'cmaes', 'pso')
+Range = tuple[float, float]
+
+
+def _ranges(value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    return {key: tuple(v) if isinstance(v, list) else v for key, v in value.items()}
+
+
+def _check_ranges(_: object, attribute: Any, value: Any) -> None:
+    if not isinstance(value, dict):
+        raise SettingError(attribute.name, value, 'a mapping of names to [low, high]')
+    for name, span in value.items():
+        if not (span == () and attribute.name == 'vary'):
+            check_range(f'{attribute.name}.{name}', span)
+
+
+def check_range(name: str, span: Any) -> None:
+    """Refuse what is not a pair of numbers in order."""
+    numbers = span if isinstance(span, tuple) else ()
+    fine = len(numbers) == 2 and all(
+        isinstance(x, (int, float)) and not isinstance(x, bool) and isfinite(x) for x in numbers
+    )
+    if not (fine and numbers[0] < numbers[1]):
+        raise SettingError(name, span, 'low:high with low below high')
+
+
+@attrs.frozen(kw_only=True)
+class TuneSettings:
+    """
+    What to look for, and how.
+
+    Attributes
+    ----------
+    vary
+        Ranges by the names of what varies; an empty one stands for the default range. Nothing
+        named: what :func:`~nadrc_ros.tuning.variables.default_variables` proposes.
+    plant
+        Ranges of plant coefficients, whose corners are simulated besides the nominal plant.
+    b0_spread
+        Factors on the input gain of the plant, the same.
+
+    Raises
+    ------
+    SettingError
+        For a value out of range.
+
+    """
+
+    objective: str = choice('itae', OBJECTIVES, 'figure of merit of tracking to make least')
+    budget: float = number(
+        0.0, 0.0, 1e12, '', 'largest ISU; 0 = the whole front of objective against ISU'
+    )
+    sampler: str = choice(
+        'auto', SAMPLERS, 'search; auto is nsga2 for the front and cmaes with a budget'
+    )
+    trials: int = integer(1000, 1, 10_000_000, 'designs to try')
+    population: int = integer(40, 4, 10_000, 'designs of a generation')
+    seeds: int = integer(4, 1, 10_000, 'noise sequences to average over')
+    seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
+    over: str = choice('worst', ('worst', 'mean'), 'of the corners, which value counts')
+    gain_margin: float = number(
+        2.0, 1.0, 1e3, '', 'the loop stays stable with the plant gain times and through this'
+    )
+    modulus_margin: float = number(0.4, 0.0, 1.0, '', 'least distance of the loop from -1')
+    delay_margin: float = number(1.0, 0.0, 1e6, 'periods', 'least delay that destabilises')
+    largest_wh: float = number(0.3, 1e-6, 10.0, '', 'largest bandwidth times period')
+    peak: float = number(
+        0.0, 0.0, 1e9, 'command unit', 'largest |command|; 0 = the limits of the scenario'
+    )
+    vary: dict[str, Any] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
+    plant: dict[str, Range] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
+    b0_spread: tuple[float, ...] = attrs.field(
+        default=(), converter=lambda v: tuple(v) if isinstance(v, list) else v
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.b0_spread != ():
+            check_range('b0_spread', self.b0_spread)
+            if self.b0_spread[0] <= 0.0:
+                raise SettingError('b0_spread', self.b0_spread, 'low:high of positive factors')
+        if not self.budget and self.method != 'nsga2':
+            raise SettingError(
+                'sampler', self.sampler, 'nsga2 without a budget: the others find no front'
+            )
+
+    @property
+    def method(self) -> str:
+        """Return the sampler, chosen if left open."""
+        if self.sampler != 'auto':
+            return self.sampler
+        return 'cmaes' if self.budget else 'nsga2'
+
+
+def settings_from(*sources: Mapping[str, Any]) -> TuneSettings:
+    """
+    Return the settings in mappings, of which later ones win.
+
+    Raises
+    ------
+    SettingError
+        For an unknown key, or a value out of range.
+
+    """
+    merged: dict[str, Any] = {}
+    for source in sources:
+        merged |= source
+    return build(TuneSettings, merged)

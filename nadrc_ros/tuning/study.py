@@ -1,0 +1,249 @@
+"""
+A study: generations of designs, asked for, scored on all cores, told in order, and stored.
+
+A generation is a function of the settings and of the generations stored before it, whoever
+computes it: so the result depends neither on the number of cores nor on interruptions. Trials are
+stored when their generation is finished. One that was stored in part is computed again and its
+missing part added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from hashlib import sha256
+from math import log
+from pathlib import Path
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.scenario import dump, Scenario
+from nadrc_ros.simulation.many import stream
+from nadrc_ros.tuning.samplers import make_sampler
+from nadrc_ros.tuning.score import Figures, Judge, Score
+from nadrc_ros.tuning.settings import TuneSettings
+from nadrc_ros.tuning.variables import first_designs, Variable
+import numpy as np
+import optuna
+from optuna.distributions import (
+    BaseDistribution,
+    CategoricalDistribution,
+    FloatDistribution,
+    IntDistribution,
+)
+from optuna.trial import FrozenTrial
+
+# Of a process that was killed while it wrote [s].
+LOCK_TIMEOUT = 5
+# Value of what has none, and how much worse a constrained design is than any other.
+NONE = 1e9
+FORBIDDEN = 1e3
+SMALLEST = 1e-100
+# Of a generation, designs that rules propose; the rest of the first one is random.
+BY_RULE = 0.5
+
+optuna.logging.set_verbosity(optuna.logging.ERROR)
+
+
+@attrs.frozen
+class Trial:
+    """A design that was tried."""
+
+    values: dict[str, float]
+    score: Score
+
+
+def open_storage(where: str) -> optuna.storages.BaseStorage:
+    """
+    Return the storage at a database URL, or in a journal file.
+
+    Raises
+    ------
+    UserError
+        When it cannot be opened.
+
+    """
+    from optuna.storages.journal import (
+        JournalFileBackend,
+        JournalFileSymlinkLock,
+        JournalStorage,
+    )
+
+    try:
+        if '://' in where:
+            return optuna.storages.RDBStorage(where)
+        path = Path(where).resolve()  # the lock, a link to it, must lead somewhere
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = JournalFileSymlinkLock(str(path), grace_period=LOCK_TIMEOUT)
+        return JournalStorage(JournalFileBackend(str(path), lock_obj=lock))
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise UserError(f'--storage {where}: not a study, nor a database ({reason})') from None
+
+
+class TuningStudy:
+    """The study of one controller, in a storage that several machines may share."""
+
+    def __init__(
+        self,
+        judge: Judge,
+        varied: Sequence[Variable],
+        storage: optuna.storages.BaseStorage,
+        name: str,
+        worker: int = 0,
+    ) -> None:
+        self.judge = judge
+        self.tuning = judge.tuning
+        self.varied = varied
+        self.worker = worker
+        self.name = f'{name}-{digest(judge.scenario, name, self.tuning, varied)}'
+        self.directions = ['minimize'] * (1 if self.tuning.budget else 2)
+        self.stored = optuna.create_study(
+            storage=storage, study_name=self.name, directions=self.directions, load_if_exists=True
+        )
+
+    def trials(self) -> list[Trial]:
+        """Return what was tried so far, in order."""
+        return [_trial(trial) for trial in self.stored.get_trials(deepcopy=False)]
+
+    @property
+    def done(self) -> int:
+        """Return how many trials are stored."""
+        return len(self.stored.get_trials(deepcopy=False))
+
+    @property
+    def best(self) -> str:
+        """Return the best so far in a few words."""
+        known = [t.score.figures for t in self.trials() if not t.score.violations]
+        least = min((f.objective for f in known if f is not None), default=None)
+        return '' if least is None else f'{self.tuning.objective} from {least:.4g}'
+
+    def run(
+        self,
+        executor: Executor,
+        evaluate: Callable[..., Score],
+        tell: Callable[[int], None] = lambda done: None,
+    ) -> None:
+        """
+        Go on generation by generation until all trials are stored.
+
+        ``tell`` is called with the number that is done after each trial.
+        """
+        while self.done < self.tuning.trials:
+            self._generation(executor, evaluate, tell)
+
+    def _generation(
+        self, executor: Executor, evaluate: Callable[..., Score], tell: Callable[[int], None]
+    ) -> None:
+        history, begun = self._history()
+        memory = optuna.create_study(directions=self.directions)
+        memory.add_trials(history)
+        generation = sum(map(self._is_own, history)) // self.tuning.population
+        memory.sampler = make_sampler(self.tuning, self._seed(generation), history)
+        if not history:
+            for design in first_designs(
+                self.judge.settings, self.varied, round(BY_RULE * self.tuning.population)
+            ):
+                memory.enqueue_trial(
+                    {name: _typed(self.varied, name, x) for name, x in design.items()}
+                )
+        space = {v.name: _distribution(v, self.tuning.method) for v in self.varied}
+        asked = [memory.ask(space) for _ in range(self.tuning.population)]
+        better = front_of_first([_trial(trial) for trial in history], bool(self.tuning.budget))
+        tasks = ((self.judge, dict(trial.params), better) for trial in asked)
+        for i, score in enumerate(stream(executor, evaluate, tasks)):
+            tell(len(history) + i + 1)
+            _note(asked[i], score, self.worker)
+            memory.tell(asked[i], _values(score, self.tuning.budget))
+        finished = memory.get_trials(deepcopy=False)[len(history) :]
+        self.stored.add_trials(finished[begun:])
+
+    def _history(self) -> tuple[list[FrozenTrial], int]:
+        """Return all trials but those of an own generation that is not complete, and their count."""
+        trials = self.stored.get_trials(deepcopy=False)
+        own = [i for i, trial in enumerate(trials) if self._is_own(trial)]
+        begun = len(own) % self.tuning.population
+        left_out = set(own[len(own) - begun :])
+        return [trial for i, trial in enumerate(trials) if i not in left_out], begun
+
+    def _is_own(self, trial: FrozenTrial) -> bool:
+        return bool(trial.user_attrs['worker'] == self.worker)
+
+    def _seed(self, generation: int) -> int:
+        entropy = np.random.SeedSequence([self.tuning.seed, self.worker, generation])
+        return int(entropy.generate_state(1)[0])
+
+
+def evaluate(judge: Judge, values: dict[str, float], better: Sequence[Figures]) -> Score:
+    """Return the score of a design: a task for an executor."""
+    return judge.score(values, better)
+
+
+def front_of_first(trials: Sequence[Trial], single: bool) -> list[Figures]:
+    """Return the figures with the first seed of the good designs, which others must not miss far."""
+    known = [
+        t.score.first
+        for t in trials
+        if t.score.figures is not None and t.score.first is not None and not t.score.violations
+    ]
+    if single:
+        best = min(known, key=lambda f: f.objective, default=None)
+        return [] if best is None else [Figures(best.objective, 0.0)]
+    return [one for one in known if not any(o.beats(one) and o != one for o in known)]
+
+
+def digest(scenario: Scenario, name: str, tuning: TuneSettings, varied: Sequence[Variable]) -> str:
+    """Return what tells studies apart: everything that changes a result but the length."""
+    file = scenario.plant.file
+    text = dump(attrs.evolve(scenario, controllers={name: scenario.controllers[name]}))
+    parts: list[Any] = [
+        text.replace(file, sha256(Path(file).read_bytes()).hexdigest()) if file else text,
+        sorted(attrs.asdict(attrs.evolve(tuning, trials=1)).items()),
+        list(varied),
+    ]
+    return sha256(repr(parts).encode()).hexdigest()[:12]
+
+
+def _distribution(variable: Variable, method: str) -> BaseDistribution:
+    if variable.whole:
+        low, high = int(variable.low), int(variable.high)
+        # NSGA-II swaps and draws levels as the few words that they are; the others need a number.
+        if method == 'nsga2':
+            return CategoricalDistribution(range(low, high + 1))
+        return IntDistribution(low, high)
+    return FloatDistribution(variable.low, variable.high, log=True)
+
+
+def _typed(varied: Sequence[Variable], name: str, value: float) -> float:
+    return int(value) if any(v.whole for v in varied if v.name == name) else value
+
+
+def _note(trial: optuna.Trial, score: Score, worker: int) -> None:
+    trial.set_user_attr('worker', worker)
+    trial.set_user_attr('score', attrs.asdict(score))
+    for name, violation in score.violations.items():
+        trial.set_constraint(name, violation)
+
+
+def _trial(trial: FrozenTrial) -> Trial:
+    noted = trial.user_attrs['score']
+    figures, first = (noted[k] and Figures(**noted[k]) for k in ('figures', 'first'))
+    return Trial(trial.params, Score(figures=figures, first=first, violations=noted['violations']))
+
+
+def _values(score: Score, budget: float) -> list[float]:
+    """
+    Return what the search makes least.
+
+    On a front it keeps designs that are evenly spread, and where tracking is bad they are of
+    little use: it is told log ISU and -1 / objective^2, which spreads them where it is good.
+    """
+    known = score.figures or score.first
+    if budget:
+        if score.violations or known is None:
+            return [FORBIDDEN * (1.0 + sum(score.violations.values()))]
+        return [log(max(known.objective, SMALLEST))]
+    if known is None:
+        return [NONE, NONE]
+    return [-(max(known.objective, SMALLEST) ** -2), log(max(known.isu, SMALLEST))]

@@ -1,0 +1,206 @@
+"""What varies in a controller, in which range, and the designs that rules of thumb propose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import exp, inf, log
+import re
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings
+
+SETTINGS = declared(ControllerSettings)
+ENTRY = re.compile(r'(fal_gains|fal_exponents)\[(\d)\]')
+# The outer bandwidth varies as a share of the inner one.
+SHARE = 'outer_share'
+LEVEL = 'feedback_level'
+SHARES: tuple[float, float] = (0.05, 2.0)
+# Of an own value that no rule bounds.
+AROUND: tuple[float, float] = (0.1, 10.0)
+# No bandwidth below so many over the duration settles within it.
+SLOWEST = 10.0
+DIGITS = 6
+# The controller's bandwidth and the outer one as shares of the inner, and the level that feeds.
+RULES = ((0.25, 0.75, 1), (0.25, 0.5, 2), (1.0, 0.5, 2), (1.0, 0.75, 1), (4.0, 0.5, 2))
+
+
+@attrs.frozen
+class Variable:
+    """One number that varies: its name, its range, and whether it is an integer."""
+
+    name: str
+    low: float
+    high: float
+    whole: bool = False
+
+    def inside(self, value: float) -> float:
+        """Return ``value``, or the end of the range that it lies beyond."""
+        return min(max(value, self.low), self.high)
+
+
+def variables(
+    settings: ControllerSettings,
+    wanted: Mapping[str, Any],
+    rate: float,
+    duration: float,
+    largest_wh: float,
+) -> tuple[Variable, ...]:
+    """
+    Return what varies: ``wanted`` by name, with a range or (), or else the defaults.
+
+    All but the level that feeds the law varies on a logarithmic scale.
+
+    Raises
+    ------
+    SettingError
+        For a name that cannot vary, or a range that the setting refuses.
+
+    """
+    known = default_variables(settings, rate, duration, largest_wh)
+    if not wanted:
+        return tuple(known.values())
+    return tuple(_wanted(settings, known, name, span) for name, span in wanted.items())
+
+
+def default_variables(
+    settings: ControllerSettings, rate: float, duration: float, largest_wh: float
+) -> dict[str, Variable]:
+    """
+    Return by name what the structure and the feedback of a controller leave open.
+
+    Bandwidths lie between ``SLOWEST`` / duration and ``largest_wh`` times the rate.
+    """
+    levels = make_design(settings).levels
+    top = largest_wh * rate
+    low = min(SLOWEST / duration, 0.1 * top)
+    found = [Variable('inner_bandwidth', low, top / max(settings.pole_ratios))]
+    if levels > 1:
+        found.append(Variable(SHARE, *SHARES))
+    if levels > 2:
+        found.append(Variable('bandwidth_ratio', *SHARES))
+    if settings.feedback == 'linear' or min(settings.fal_gains) == 0.0:
+        found.append(Variable('controller_bandwidth', 0.25 * low, top))
+    if settings.feedback == 'fal':
+        gains = enumerate(settings.fal_gains)
+        found += [_around(f'fal_gains[{i}]', gain) for i, gain in gains if gain > 0.0]
+    if settings.structure == 'nonlinear':
+        found.append(_around('eso_delta', settings.eso_delta))
+    if levels > 1:
+        found.append(Variable(LEVEL, 1.0, float(levels), whole=True))
+    return {variable.name: variable for variable in found}
+
+
+def _around(name: str, value: float) -> Variable:
+    field = SETTINGS[name.split('[')[0]]
+    low, high = sorted(value * factor for factor in AROUND)
+    return Variable(
+        name,
+        max(low, -inf if field.low is None else field.low),
+        min(high, inf if field.high is None else field.high),
+    )
+
+
+def _wanted(
+    settings: ControllerSettings, known: Mapping[str, Variable], name: str, span: Any
+) -> Variable:
+    path = f'vary.{name}'
+    values = {**_own_values(settings), **dict.fromkeys(known, 1.0)}
+    if name not in values:
+        raise SettingError(path, span, 'left out: what can vary is ' + ', '.join(values))
+    if span == ():
+        if name not in known and values[name] == 0.0:
+            raise SettingError(path, 'no range', f'given a range, {name}=low:high')
+        return known[name] if name in known else _around(name, values[name])
+    low, high = span
+    if low * high <= 0.0:
+        raise SettingError(path, span, 'a range without 0: its scale is logarithmic')
+    field = SETTINGS.get(name.split('[')[0])
+    if field is not None and field.low is not None and field.high is not None and name != LEVEL:
+        if not field.low <= low < high <= field.high:
+            raise SettingError(path, span, field.allowed())
+    if name == LEVEL:
+        levels = make_design(settings).levels
+        if not 1 <= low < high <= levels or low % 1 or high % 1:
+            raise SettingError(path, span, f'levels from 1 to {levels}')
+    return Variable(name, float(low), float(high), whole=name == LEVEL)
+
+
+def _own_values(settings: ControllerSettings) -> dict[str, float]:
+    """Return the settings that are numbers, entries of lists by their index."""
+    found: dict[str, float] = {}
+    for name, field in SETTINGS.items():
+        value = getattr(settings, name)
+        if field.kind == 'number':
+            found[name] = value
+        elif field.kind == 'numbers' and name in ('fal_gains', 'fal_exponents'):
+            found |= {f'{name}[{i}]': entry for i, entry in enumerate(value)}
+    return found
+
+
+def values_of(settings: ControllerSettings, varied: Sequence[Variable]) -> dict[str, float]:
+    """Return the numbers of a controller that vary, moved into their ranges."""
+    own = _own_values(settings)
+    own[SHARE] = settings.outer_bandwidth / settings.inner_bandwidth
+    own[LEVEL] = 1.0 + make_design(settings).feedback_level
+    return {v.name: v.inside(own[v.name]) for v in varied}
+
+
+def designed(settings: ControllerSettings, values: Mapping[str, float]) -> ControllerSettings:
+    """
+    Return the controller with the numbers of a design, rounded to what a file shows.
+
+    Raises
+    ------
+    SettingError
+        When the law refuses it.
+
+    """
+    changes: dict[str, Any] = {}
+    for name, value in values.items():
+        entry = ENTRY.fullmatch(name)
+        if entry:
+            key, index = entry[1], int(entry[2])
+            entries = list(changes.get(key, getattr(settings, key)))
+            entries[index] = rounded(value)
+            changes[key] = tuple(entries)
+        elif name == LEVEL:
+            changes[name] = str(round(value))
+        elif name != SHARE:
+            changes[name] = rounded(value)
+    if SHARE in values:
+        inner = changes.get('inner_bandwidth', settings.inner_bandwidth)
+        changes['outer_bandwidth'] = rounded(values[SHARE] * inner)
+    return attrs.evolve(settings, **changes)
+
+
+def rounded(value: float) -> float:
+    """Return ``value`` with the digits that are kept."""
+    return float(f'{value:.{DIGITS}g}')
+
+
+def first_designs(
+    settings: ControllerSettings, varied: Sequence[Variable], count: int
+) -> list[dict[str, float]]:
+    """Return the controller as it is, then rules of thumb on a ladder of inner bandwidths."""
+    own = values_of(settings, varied)
+    inner = next((v for v in varied if v.name == 'inner_bandwidth'), None)
+    found = [own]
+    for i in range(count - 1):
+        share, outer, level = RULES[i % len(RULES)]
+        w = settings.inner_bandwidth
+        if inner is not None:
+            # The golden ratio spreads any number of bandwidths evenly, whatever the rule.
+            w = exp(log(inner.low) + (0.618034 * (i + 1) % 1.0) * log(inner.high / inner.low))
+        rule = {
+            'inner_bandwidth': w,
+            SHARE: outer,
+            'outer_bandwidth': outer * w,
+            'controller_bandwidth': share * w,
+            LEVEL: float(level),
+        }
+        found.append({v.name: v.inside(rule.get(v.name, own[v.name])) for v in varied})
+    return found
