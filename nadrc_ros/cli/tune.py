@@ -239,7 +239,7 @@ def _search(name: str, study: 'TuningStudy', jobs: Optional[int]) -> None:
 
 @contextmanager
 def _workers(fast: bool, jobs: Optional[int]) -> 'Iterator[Executor]':
-    """Give threads to runs that are compiled, which leave the interpreter alone, else processes."""
+    """Give threads for runs that are compiled, without the interpreter's lock, else processes."""
     from concurrent.futures import ThreadPoolExecutor
     import os
 

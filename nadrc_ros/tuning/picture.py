@@ -23,7 +23,8 @@ def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
         for tuned, colour in zip(found, cycle(COLOURS)):
             efforts = [point.figures.isu for point in tuned.front]
             values = [point.figures.objective for point in tuned.front]
-            axis.plot(efforts, values, '.-', color=colour, markersize=4, linewidth=0.9)
+            # A step: between two designs of the front, the cheaper one is what there is.
+            axis.step(efforts, values, '.-', where='post', color=colour, markersize=4, lw=0.9)
             x, y = efforts[tuned.choice.index], values[tuned.choice.index]
             axis.plot([x], [y], 'o', color=colour, markersize=5)
             axis.plot([x], [y], 'o', color=INK, markersize=11, fillstyle='none')

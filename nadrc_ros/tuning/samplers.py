@@ -12,14 +12,15 @@ import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution
 from optuna.samplers import BaseSampler, CmaEsSampler, NSGAIISampler, RandomSampler
-from optuna.samplers.nsgaii import PolynomialMutation, SBXCrossover
+from optuna.samplers.nsgaii import BLXAlphaCrossover, PolynomialMutation
 from optuna.search_space import IntersectionSearchSpace
 from optuna.study import Study
 from optuna.trial import FrozenTrial
 
-# Children lie close to their parents: a generation improves more than it explores, the first one
-# having explored.
-SPREAD = 10.0
+# The first generation is that many times larger, to find where it is worth looking.
+FIRST = 4
+# How close a mutation stays to what it mutates.
+CLOSE = 10.0
 
 
 def make_sampler(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]) -> BaseSampler:
@@ -51,8 +52,8 @@ def make_sampler(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]
 def _nsga2(tuning: TuneSettings, seed: int) -> BaseSampler:
     return NSGAIISampler(
         population_size=tuning.population,
-        crossover=SBXCrossover(eta=SPREAD),
-        mutation=PolynomialMutation(eta=SPREAD),
+        crossover=BLXAlphaCrossover(),
+        mutation=PolynomialMutation(eta=CLOSE),
         seed=seed,
     )
 
@@ -64,7 +65,7 @@ def _cmaes(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]) -> B
     import cmaes  # noqa: F401
 
     return CmaEsSampler(
-        source_trials=list(history[: tuning.population]),
+        source_trials=list(history),
         popsize=tuning.population,
         independent_sampler=RandomSampler(seed=seed),
         seed=seed,
@@ -117,23 +118,23 @@ class SwarmSampler(BaseSampler):
         from optuna._transform import _SearchSpaceTransform
         from pymoo.algorithms.soo.nonconvex.pso import PSO
         from pymoo.core.problem import Problem
-        from pymoo.termination import NoTermination
+        from pymoo.core.termination import NoTermination
 
         scale = _SearchSpaceTransform(space, transform_0_1=True)
-        done = [t for t in study.get_trials(deepcopy=False) if t.values is not None]
-        told = [scale.transform(trial.params) for trial in done]
+        known = [t for t in study.get_trials(deepcopy=False) if t.values is not None]
         size = self.population
-        swarm = PSO(pop_size=size, sampling=np.array(told[:size]))
+        first = sorted(known[: FIRST * size], key=lambda trial: trial.values[0])[:size]
+        later = known[FIRST * size :]
+        told = [first, *(later[i : i + size] for i in range(0, len(later), size))]
+        swarm = PSO(pop_size=size, sampling=np.array([scale.transform(t.params) for t in first]))
         swarm.setup(
             Problem(n_var=len(space), n_obj=1, xl=0.0, xu=1.0),
             termination=NoTermination(),
             seed=self.first_seed,
         )
-        for start in range(0, len(done), size):
+        for trials in told:
             particles = swarm.ask()
-            values = [[trial.value] for trial in done[start : start + size]]
-            swarm.evaluator.n_eval += len(values)
-            particles.set('X', np.array(told[start : start + size]))
-            particles.set('F', np.array(values))
+            particles.set('X', np.array([scale.transform(trial.params) for trial in trials]))
+            particles.set('F', np.array([trial.values for trial in trials]))
             swarm.tell(infills=particles)
         return [scale.untransform(x) for x in swarm.ask().get('X')]

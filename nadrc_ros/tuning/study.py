@@ -20,7 +20,7 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.simulation.many import stream
-from nadrc_ros.tuning.samplers import make_sampler
+from nadrc_ros.tuning.samplers import FIRST, make_sampler
 from nadrc_ros.tuning.score import Figures, Judge, Score
 from nadrc_ros.tuning.settings import TuneSettings
 from nadrc_ros.tuning.variables import first_designs, Variable
@@ -40,7 +40,7 @@ LOCK_TIMEOUT = 5
 NONE = 1e9
 FORBIDDEN = 1e3
 SMALLEST = 1e-100
-# Of a generation, designs that rules propose; the rest of the first one is random.
+# Share of the first generation that rules propose; the rest is random.
 BY_RULE = 0.5
 
 optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -97,6 +97,7 @@ class TuningStudy:
         self.tuning = judge.tuning
         self.varied = varied
         self.worker = worker
+        self.first = FIRST * judge.tuning.population
         self.name = f'{name}-{digest(judge.scenario, name, self.tuning, varied)}'
         self.directions = ['minimize'] * (1 if self.tuning.budget else 2)
         self.stored = optuna.create_study(
@@ -139,17 +140,17 @@ class TuningStudy:
         history, begun = self._history()
         memory = optuna.create_study(directions=self.directions)
         memory.add_trials(history)
-        generation = sum(map(self._is_own, history)) // self.tuning.population
+        own = sum(map(self._is_own, history))
+        generation = 0 if own == 0 else 1 + (own - self.first) // self.tuning.population
+        size = self.tuning.population if own else self.first
         memory.sampler = make_sampler(self.tuning, self._seed(generation), history)
         if not history:
-            for design in first_designs(
-                self.judge.settings, self.varied, round(BY_RULE * self.tuning.population)
-            ):
+            for design in first_designs(self.judge.settings, self.varied, round(BY_RULE * size)):
                 memory.enqueue_trial(
                     {name: _typed(self.varied, name, x) for name, x in design.items()}
                 )
         space = {v.name: _distribution(v, self.tuning.method) for v in self.varied}
-        asked = [memory.ask(space) for _ in range(self.tuning.population)]
+        asked = [memory.ask(space) for _ in range(size)]
         better = front_of_first([_trial(trial) for trial in history], bool(self.tuning.budget))
         tasks = ((self.judge, dict(trial.params), better) for trial in asked)
         for i, score in enumerate(stream(executor, evaluate, tasks)):
@@ -160,10 +161,11 @@ class TuningStudy:
         self.stored.add_trials(finished[begun:])
 
     def _history(self) -> tuple[list[FrozenTrial], int]:
-        """Return all trials but those of an own generation that is not complete, and their count."""
+        """Return all trials but those of an incomplete generation of its own, and their count."""
         trials = self.stored.get_trials(deepcopy=False)
         own = [i for i, trial in enumerate(trials) if self._is_own(trial)]
-        begun = len(own) % self.tuning.population
+        over = len(own) - self.first
+        begun = len(own) if over < 0 else over % self.tuning.population
         left_out = set(own[len(own) - begun :])
         return [trial for i, trial in enumerate(trials) if i not in left_out], begun
 
@@ -181,7 +183,7 @@ def evaluate(judge: Judge, values: dict[str, float], better: Sequence[Figures]) 
 
 
 def front_of_first(trials: Sequence[Trial], single: bool) -> list[Figures]:
-    """Return the figures with the first seed of the good designs, which others must not miss far."""
+    """Return the figures with the first seed of the best designs, for others to come close to."""
     known = [
         t.score.first
         for t in trials

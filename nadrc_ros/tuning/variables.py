@@ -119,9 +119,9 @@ def _wanted(
     if low * high <= 0.0:
         raise SettingError(path, span, 'a range without 0: its scale is logarithmic')
     field = SETTINGS.get(name.split('[')[0])
-    if field is not None and field.low is not None and field.high is not None and name != LEVEL:
-        if not field.low <= low < high <= field.high:
-            raise SettingError(path, span, field.allowed())
+    numbers = field is not None and field.low is not None and field.high is not None
+    if numbers and not field.low <= low < high <= field.high:
+        raise SettingError(path, span, field.allowed())
     if name == LEVEL:
         levels = make_design(settings).levels
         if not 1 <= low < high <= levels or low % 1 or high % 1:

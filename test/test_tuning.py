@@ -1,0 +1,246 @@
+"""The search for designs: what varies, what is constrained, what is taken, and that it repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import attrs
+from hypothesis import given
+from hypothesis import strategies as st
+from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.scenario import loads, Scenario
+from nadrc_ros.simulation.many import run_metrics
+from nadrc_ros.tuning.front import choose, front, knee, Point
+from nadrc_ros.tuning.score import Figures, Judge, Score, with_gain
+from nadrc_ros.tuning.settings import settings_from, TuneSettings
+from nadrc_ros.tuning.study import evaluate, open_storage, Trial, TuningStudy
+from nadrc_ros.tuning.variables import designed, first_designs, values_of, variables
+import pytest
+
+SCENARIO = """
+plant: {name: chain, order: 1, damping: 1, load: 2}
+reference: {signal: step, amplitude: 1}
+noise: {variance: 1e-4}
+rate: 50
+duration: 1
+controllers:
+  nested: {inner_bandwidth: 8, outer_bandwidth: 4, controller_bandwidth: 2}
+"""
+SETTINGS = ControllerSettings(inner_bandwidth=8.0, outer_bandwidth=4.0, controller_bandwidth=2.0)
+
+
+def scenario(**changes: Any) -> Scenario:
+    return attrs.evolve(loads(SCENARIO), **changes)
+
+
+def judge(**tuning: Any) -> Judge:
+    return Judge(scenario(), 'nested', settings_from(tuning), compiled=False)
+
+
+def study(storage: Path, **tuning: Any) -> TuningStudy:
+    one = judge(**{'population': 4, 'trials': 28, 'seeds': 2} | tuning)
+    varied = variables(one.settings, one.tuning.vary, 50.0, 1.0, one.tuning.largest_wh)
+    return TuningStudy(one, varied, open_storage(str(storage)), 'nested')
+
+
+def found(study: TuningStudy, jobs: int = 1) -> list[Trial]:
+    with ThreadPoolExecutor(jobs) as executor:
+        study.run(executor, evaluate)
+    return study.trials()
+
+
+def names(**settings: Any) -> list[str]:
+    varied = variables(attrs.evolve(SETTINGS, **settings), {}, 100.0, 10.0, 0.3)
+    return [variable.name for variable in varied]
+
+
+def test_what_varies_follows_structure_and_feedback() -> None:
+    assert names(structure='conventional') == ['inner_bandwidth', 'controller_bandwidth']
+    assert names() == ['inner_bandwidth', 'outer_share', 'controller_bandwidth', 'feedback_level']
+    assert 'bandwidth_ratio' in names(levels=3)
+    assert 'eso_delta' in names(structure='nonlinear')
+    fal = names(structure='conventional', feedback='fal', fal_gains=(2.0, 3.0))
+    assert fal == ['inner_bandwidth', 'fal_gains[0]', 'fal_gains[1]']
+
+
+@pytest.mark.parametrize(
+    ('wanted', 'said'),
+    [
+        ({'speed': (1.0, 2.0)}, 'vary.speed = .*what can vary is'),
+        ({'b0': (-1.0, 2.0)}, 'without 0'),
+        ({'inner_bandwidth': (1.0, 1e9)}, 'from 0.001 to 10000'),
+        ({'feedback_level': (1.0, 3.0)}, 'levels from 1 to 2'),
+        ({'fal_gains[0]': ()}, 'given a range'),
+    ],
+)
+def test_what_cannot_vary_is_refused(wanted: dict[str, Any], said: str) -> None:
+    with pytest.raises(SettingError, match=said):
+        variables(SETTINGS, wanted, 100.0, 10.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    'tuning',
+    [
+        {'budget': -1.0},
+        {'seeds': 0},
+        {'sampler': 'pso'},  # finds no front
+        {'vary': {'b0': [2.0, 1.0]}},
+        {'b0_spread': [-1.0, 1.0]},
+        {'plant': {'load': ['a', 1.0]}},
+        {'trails': 5},
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(tuning: dict[str, Any]) -> None:
+    with pytest.raises(SettingError):
+        settings_from(tuning)
+
+
+@given(st.floats(1.0, 20.0), st.floats(0.1, 1.5), st.floats(0.5, 20.0), st.integers(1, 2))
+def test_a_design_is_what_its_file_shows(
+    inner: float, share: float, wc: float, level: int
+) -> None:
+    varied = variables(SETTINGS, {}, 100.0, 10.0, 0.3)
+    values = dict(zip([v.name for v in varied], (inner, share, wc, level)))
+    again = values_of(designed(SETTINGS, values), varied)
+    assert again == pytest.approx(values, rel=1e-5)
+
+
+def test_rules_propose_the_controller_itself_first_and_stay_in_range() -> None:
+    varied = variables(SETTINGS, {}, 100.0, 10.0, 0.3)
+    designs = first_designs(SETTINGS, varied, 20)
+    assert designs[0] == values_of(SETTINGS, varied)
+    for design in designs:
+        assert all(v.low <= design[v.name] <= v.high for v in varied)
+
+
+@pytest.mark.parametrize('gain', [0.5, 3.0])
+def test_a_spread_of_b0_is_a_plant_of_other_gain(gain: float) -> None:
+    settings = scenario().controllers['nested']
+    text = SCENARIO.replace('damping: 1', f'damping: 1, gain: {gain}').replace(
+        'nested: {', f'nested: {{b0: {settings.b0}, '
+    )
+    truly = run_metrics(loads(text).experiment(), settings, 5, False)
+    scaled = run_metrics(scenario().experiment(), with_gain(settings, gain), 5, False)
+    assert scaled.itae == pytest.approx(truly.itae, rel=1e-9)
+    assert scaled.isu / gain**2 == pytest.approx(truly.isu, rel=1e-9)
+
+
+def test_the_worst_corner_counts() -> None:
+    values = {'inner_bandwidth': 8.0}
+    alone = judge(seeds=2).score(values).figures
+    spread = judge(seeds=2, b0_spread=[0.5, 2.0], plant={'load': [1.0, 4.0]})
+    assert len(spread.corners) == 5
+    worst = spread.score(values).figures
+    assert alone is not None and worst is not None
+    assert worst.objective > alone.objective and worst.isu > alone.isu
+
+
+@pytest.mark.parametrize(
+    ('tuning', 'name'),
+    [
+        ({'gain_margin': 900.0}, 'gain_margin'),
+        ({'modulus_margin': 1.0}, 'modulus_margin'),
+        ({'delay_margin': 1000.0}, 'delay_margin'),
+        ({'largest_wh': 0.01}, 'largest_wh'),
+        ({'peak': 0.5}, 'peak'),
+        ({'budget': 1e-3}, 'budget'),
+    ],
+)
+def test_every_constraint_can_fail_a_design(tuning: dict[str, Any], name: str) -> None:
+    score = judge(seeds=2, **tuning).score({'inner_bandwidth': 8.0})
+    assert score.violations.keys() == {name} and score.violations[name] > 0.0
+
+
+def test_a_design_within_the_peak_runs_as_if_there_were_none() -> None:
+    values = {'inner_bandwidth': 8.0}
+    assert judge(peak=50.0).score(values) == judge().score(values)
+
+
+def test_what_the_law_refuses_is_not_run() -> None:
+    assert 'settings' in judge().score({'inner_bandwidth': 1e9}).violations
+
+
+def trial(objective: float, isu: float, **violations: float) -> Trial:
+    return Trial({}, Score(figures=Figures(objective, isu), violations=violations))
+
+
+@given(st.lists(st.tuples(st.floats(1.0, 9.0), st.floats(1.0, 9.0)), min_size=1))
+def test_no_design_beats_one_of_the_front(pairs: list[tuple[float, float]]) -> None:
+    points = front([trial(*pair) for pair in pairs])
+    assert points
+    for point in points:
+        assert not any(
+            Figures(*pair).beats(point.figures) and Figures(*pair) != point.figures
+            for pair in pairs
+        )
+
+
+def test_a_design_that_violates_anything_is_not_in_the_front() -> None:
+    assert front([trial(1.0, 1.0, peak=0.1), trial(2.0, 2.0)]) == [Point({}, Figures(2.0, 2.0))]
+
+
+def test_the_knee_is_where_more_effort_begins_to_buy_little() -> None:
+    points = front([trial(8.0, 1.0), trial(2.0, 2.0), trial(1.1, 4.0), trial(1.0, 100.0)])
+    assert knee(points) == 2
+    assert choose(points, 0.0, None, None).index == 2
+    assert choose(points, 0.0, 3.0, None).index == 1
+    assert choose(points, 0.0, None, 4).index == 3
+    for isu, number in ((0.5, None), (None, 5)):
+        with pytest.raises(UserError):
+            choose(points, 0.0, isu, number)
+
+
+SEARCHES = [{}, {'budget': 60.0}, {'budget': 60.0, 'sampler': 'pso'}]
+
+
+@pytest.mark.parametrize('tuning', SEARCHES, ids=['nsga2', 'cmaes', 'pso'])
+def test_any_number_of_cores_finds_the_same(tuning: dict[str, Any], tmp_path: Path) -> None:
+    first = found(study(tmp_path / 'a', **tuning), jobs=1)
+    assert len(first) == 28
+    assert found(study(tmp_path / 'b', **tuning), jobs=3) == first
+    assert found(study(tmp_path / 'c', **tuning, seed=1)) != first
+
+
+@pytest.mark.parametrize('tuning', SEARCHES, ids=['nsga2', 'cmaes', 'pso'])
+def test_an_interrupted_study_ends_the_same(tuning: dict[str, Any], tmp_path: Path) -> None:
+    whole = study(tmp_path / 'a', **tuning)
+    expected = found(whole)
+    for kept in (3, 16, 22):
+        part = study(tmp_path / str(kept), **tuning)
+        part.stored.add_trials(whole.stored.trials[:kept])
+        assert found(part) == expected
+
+
+def test_more_trials_go_on_and_other_settings_start_anew(tmp_path: Path) -> None:
+    first = found(study(tmp_path / 'a', trials=20))
+    assert found(study(tmp_path / 'a'))[:20] == first
+    assert study(tmp_path / 'a', seeds=1).done == 0
+
+
+def test_two_machines_share_a_study(tmp_path: Path) -> None:
+    one, two = study(tmp_path / 'a', trials=60), study(tmp_path / 'a', trials=60)
+    two.worker = 1
+    with ThreadPoolExecutor(2) as both, ThreadPoolExecutor(2) as executor:
+        for future in [both.submit(s.run, executor, evaluate) for s in (one, two)]:
+            future.result()
+    workers = [t.user_attrs['worker'] for t in one.stored.trials]
+    assert set(workers) == {0, 1} and one.done >= 60
+
+
+@pytest.fixture
+def better(tmp_path: Path) -> Iterator[list[Trial]]:
+    yield found(study(tmp_path / 'a', budget=60.0, trials=44))
+
+
+def test_a_search_improves_on_the_controller_it_was_given(better: list[Trial]) -> None:
+    own = judge(budget=60.0, seeds=2).score({}).figures
+    best = front(better)[-1].figures
+    assert own is not None and best.objective < own.objective and best.isu <= 60.0
+
+
+def test_defaults_are_declared() -> None:
+    assert TuneSettings().method == 'nsga2' and TuneSettings(budget=1.0).method == 'cmaes'
