@@ -10,6 +10,8 @@ NAME = 'nadrc_ros'
 RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
 # What the site in out/docs is built with.
 SITE = ['furo', 'myst-parser', 'sphinx']
+# The searches of `nadrc tune`: front, budget, swarm.
+TUNE = ['optuna>=5,<6', 'cmaes', 'pymoo']
 NODES = ('controller', 'plant', 'reference', 'recorder')
 
 # colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
@@ -59,6 +61,7 @@ setup(
         'sweep': ['dask[distributed]', 'pyarrow'],
         'bags': ['rosbags'],
         'report': ['plotly'],
+        'tune': TUNE,
         'test': [
             'pytest',
             'pytest-xdist',
@@ -69,6 +72,7 @@ setup(
             'pyarrow',
             'rosbags',
             'plotly',
+            *TUNE,
         ],
         'bench': RIVALS,
         'docs': SITE,

@@ -80,7 +80,7 @@ def tune(
         Optional[str],
         typer.Option(help='nsga2 (default), or with a budget cmaes (default then) or pso.'),
     ] = None,
-    trials: Annotated[Optional[int], typer.Option(help='Designs to try (1000).')] = None,
+    trials: Annotated[Optional[int], typer.Option(help='Designs to try (1200).')] = None,
     population: Annotated[
         Optional[int], typer.Option(help='Designs of a generation (40).')
     ] = None,
@@ -118,7 +118,8 @@ def tune(
 
     Example: nadrc tune motor_speed, or nadrc tune paper --budget 20 --b0-spread 0.7:1.4
     """
-    given = {key: value for key, value in locals().items() if value and key not in NOT_TUNING}
+    options = {key: value for key, value in locals().items() if key not in NOT_TUNING}
+    given = {key: value for key, value in options.items() if value not in (None, [])}
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
 

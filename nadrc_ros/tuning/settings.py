@@ -15,10 +15,14 @@ SAMPLERS = ('auto', 'nsga2', 'cmaes', 'pso')
 Range = tuple[float, float]
 
 
+def _pair(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
 def _ranges(value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
-    return {key: tuple(v) if isinstance(v, list) else v for key, v in value.items()}
+    return {key: _pair(span) for key, span in value.items()}
 
 
 def _check_ranges(_: object, attribute: Any, value: Any) -> None:
@@ -68,7 +72,7 @@ class TuneSettings:
     sampler: str = choice(
         'auto', SAMPLERS, 'search; auto is nsga2 for the front and cmaes with a budget'
     )
-    trials: int = integer(1000, 1, 10_000_000, 'designs to try')
+    trials: int = integer(1200, 1, 10_000_000, 'designs to try')
     population: int = integer(40, 4, 10_000, 'designs of a generation')
     seeds: int = integer(4, 1, 10_000, 'noise sequences to average over')
     seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
@@ -84,9 +88,7 @@ class TuneSettings:
     )
     vary: dict[str, Any] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
     plant: dict[str, Range] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
-    b0_spread: tuple[float, ...] = attrs.field(
-        default=(), converter=lambda v: tuple(v) if isinstance(v, list) else v
-    )
+    b0_spread: tuple[float, ...] = attrs.field(default=(), converter=_pair)
 
     def __attrs_post_init__(self) -> None:
         if self.b0_spread != ():

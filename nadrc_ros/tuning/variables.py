@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 
 SETTINGS = declared(ControllerSettings)
@@ -119,14 +119,17 @@ def _wanted(
     if low * high <= 0.0:
         raise SettingError(path, span, 'a range without 0: its scale is logarithmic')
     field = SETTINGS.get(name.split('[')[0])
-    numbers = field is not None and field.low is not None and field.high is not None
-    if numbers and not field.low <= low < high <= field.high:
+    if field is not None and name != LEVEL and not (_fits(field, low) and _fits(field, high)):
         raise SettingError(path, span, field.allowed())
     if name == LEVEL:
         levels = make_design(settings).levels
         if not 1 <= low < high <= levels or low % 1 or high % 1:
             raise SettingError(path, span, f'levels from 1 to {levels}')
     return Variable(name, float(low), float(high), whole=name == LEVEL)
+
+
+def _fits(field: Declared, value: float) -> bool:
+    return field.low is None or field.high is None or field.low <= value <= field.high
 
 
 def _own_values(settings: ControllerSettings) -> dict[str, float]:
