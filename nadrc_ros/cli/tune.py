@@ -235,7 +235,7 @@ def _search(name: str, study: 'TuningStudy', jobs: Optional[int]) -> None:
         progress(f'designs of {name}', study.tuning.trials, study.done) as tell,
         _workers(study.judge.compiled, jobs) as executor,
     ):
-        study.run(executor, evaluate, lambda done: tell(done, study.best))
+        study.run(executor, evaluate, tell)
 
 
 @contextmanager

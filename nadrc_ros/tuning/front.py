@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.tuning.score import Figures
+from nadrc_ros.tuning.score import Figures, undominated
 from nadrc_ros.tuning.study import Trial
 import numpy as np
 
@@ -35,10 +35,7 @@ def front(trials: Sequence[Trial]) -> list[Point]:
         for trial in trials
         if trial.score.figures is not None and not trial.score.violations
     ]
-    found: list[Point] = []
-    for point in sorted(points, key=lambda p: (p.figures.isu, p.figures.objective)):
-        if not found or point.figures.objective < found[-1].figures.objective:
-            found.append(point)
+    found = undominated(points, lambda point: point.figures)
     return [p for p in found if p.figures.objective <= WORST * found[-1].figures.objective]
 
 

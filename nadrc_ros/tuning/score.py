@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from math import log
-from typing import Any
+from typing import Any, TypeVar
 
 import attrs
 from nadrc_ros.adrc.design import make_design
@@ -21,6 +21,7 @@ from nadrc_ros.tuning.settings import TuneSettings
 from nadrc_ros.tuning.variables import designed
 import numpy as np
 
+T = TypeVar('T')
 # Not those of a scenario, so that what is found can be judged with others.
 FIRST_SEED = 1001
 # With the first seed alone: that far over the budget, or beyond a better design, is hopeless.
@@ -40,6 +41,20 @@ class Figures:
     def beats(self, other: Figures, factor: float = 1.0) -> bool:
         """Tell whether the other is worse by ``factor`` in both."""
         return factor * self.objective <= other.objective and factor * self.isu <= other.isu
+
+
+def undominated(items: Iterable[T], figures: Callable[[T], Figures]) -> list[T]:
+    """Return the items that no other beats in both, by rising effort."""
+
+    def order(item: T) -> tuple[float, float]:
+        found = figures(item)
+        return found.isu, found.objective
+
+    kept: list[T] = []
+    for item in sorted(items, key=order):
+        if not kept or figures(item).objective < figures(kept[-1]).objective:
+            kept.append(item)
+    return kept
 
 
 @attrs.frozen(kw_only=True)

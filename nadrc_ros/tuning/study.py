@@ -21,7 +21,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.simulation.many import stream
 from nadrc_ros.tuning.samplers import FIRST, make_sampler
-from nadrc_ros.tuning.score import Figures, Judge, Score
+from nadrc_ros.tuning.score import Figures, Judge, Score, undominated
 from nadrc_ros.tuning.settings import TuneSettings
 from nadrc_ros.tuning.variables import first_designs, Variable
 import numpy as np
@@ -124,41 +124,50 @@ class TuningStudy:
         self,
         executor: Executor,
         evaluate: Callable[..., Score],
-        tell: Callable[[int], None] = lambda done: None,
+        tell: Callable[[int, str], None] = lambda done, best: None,
     ) -> None:
         """
         Go on generation by generation until all trials are stored.
 
-        ``tell`` is called with the number that is done after each trial.
+        ``tell`` is called after each trial with how many are done, and the best before them.
         """
         while self.done < self.tuning.trials:
             self._generation(executor, evaluate, tell)
 
     def _generation(
-        self, executor: Executor, evaluate: Callable[..., Score], tell: Callable[[int], None]
+        self, executor: Executor, evaluate: Callable[..., Score], tell: Callable[[int, str], None]
     ) -> None:
         history, begun = self._history()
-        memory = optuna.create_study(directions=self.directions)
-        memory.add_trials(history)
-        own = sum(map(self._is_own, history))
-        generation = 0 if own == 0 else 1 + (own - self.first) // self.tuning.population
-        size = self.tuning.population if own else self.first
-        memory.sampler = make_sampler(self.tuning, self._seed(generation), history)
-        if not history:
-            for design in first_designs(self.judge.settings, self.varied, round(BY_RULE * size)):
-                memory.enqueue_trial(
-                    {name: _typed(self.varied, name, x) for name, x in design.items()}
-                )
-        space = {v.name: _distribution(v, self.tuning.method) for v in self.varied}
-        asked = [memory.ask(space) for _ in range(size)]
+        memory, asked = self._ask(history)
         better = front_of_first([_trial(trial) for trial in history], bool(self.tuning.budget))
+        best = self.best
         tasks = ((self.judge, dict(trial.params), better) for trial in asked)
         for i, score in enumerate(stream(executor, evaluate, tasks)):
-            tell(len(history) + i + 1)
+            tell(len(history) + i + 1, best)
             _note(asked[i], score, self.worker)
             memory.tell(asked[i], _values(score, self.tuning.budget))
         finished = memory.get_trials(deepcopy=False)[len(history) :]
         self.stored.add_trials(finished[begun:])
+
+    def _ask(self, history: list[FrozenTrial]) -> tuple[optuna.Study, list[optuna.Trial]]:
+        """Return a study in memory with the history, and the generation that follows it."""
+        own, size = sum(map(self._is_own, history)), self.tuning.population
+        generation = 0 if own == 0 else 1 + (own - self.first) // size
+        memory = optuna.create_study(
+            directions=self.directions,
+            sampler=make_sampler(self.tuning, self._seed(generation), history),
+        )
+        memory.add_trials(history)
+        count = size if own else self.first
+        rules = (
+            []
+            if history
+            else first_designs(self.judge.settings, self.varied, round(BY_RULE * count))
+        )
+        for design in rules:
+            memory.enqueue_trial({v.name: _typed(v, design[v.name]) for v in self.varied})
+        space = {v.name: _distribution(v, self.tuning.method) for v in self.varied}
+        return memory, [memory.ask(space) for _ in range(count)]
 
     def _history(self) -> tuple[list[FrozenTrial], int]:
         """Return all trials but those of an incomplete generation of its own, and their count."""
@@ -192,7 +201,7 @@ def front_of_first(trials: Sequence[Trial], single: bool) -> list[Figures]:
     if single:
         best = min(known, key=lambda f: f.objective, default=None)
         return [] if best is None else [Figures(best.objective, 0.0)]
-    return [one for one in known if not any(o.beats(one) and o != one for o in known)]
+    return undominated(known, lambda one: one)
 
 
 def digest(scenario: Scenario, name: str, tuning: TuneSettings, varied: Sequence[Variable]) -> str:
@@ -217,8 +226,8 @@ def _distribution(variable: Variable, method: str) -> BaseDistribution:
     return FloatDistribution(variable.low, variable.high, log=True)
 
 
-def _typed(varied: Sequence[Variable], name: str, value: float) -> float:
-    return int(value) if any(v.whole for v in varied if v.name == name) else value
+def _typed(variable: Variable, value: float) -> float:
+    return int(value) if variable.whole else value
 
 
 def _note(trial: optuna.Trial, score: Score, worker: int) -> None:

@@ -25,7 +25,18 @@ duration: 3
 controllers:
   nested: {}
 """
-SMALL = ['--trials', '60', '--population', '10', '--seeds', '2', '--isu', '40']
+SMALL = [
+    '--trials',
+    '16',
+    '--population',
+    '4',
+    '--seeds',
+    '1',
+    '--jobs',
+    '1',
+    '--largest-wh',
+    '0.15',
+]
 
 
 def nadrc(words: list[str], folder: Path) -> str:
