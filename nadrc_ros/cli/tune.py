@@ -240,13 +240,13 @@ def _search(name: str, study: 'TuningStudy', jobs: Optional[int]) -> None:
 
 @contextmanager
 def _workers(fast: bool, jobs: Optional[int]) -> 'Iterator[Executor]':
-    """Give threads for runs that are compiled, without the interpreter's lock, else processes."""
+    """Give threads to runs that are compiled or come one by one, else processes."""
     from concurrent.futures import ThreadPoolExecutor
     import os
 
     from nadrc_ros.cli.workers import processes
 
-    if fast:
+    if fast or jobs == 1:
         with ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
             yield threads
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.tuning.score import Figures, undominated
 from nadrc_ros.tuning.study import Trial
@@ -21,7 +22,8 @@ class Point(NamedTuple):
     figures: Figures
 
 
-class Choice(NamedTuple):
+@attrs.frozen
+class Choice:
     """The number of a point in the front, from 0, and why it."""
 
     index: int

@@ -32,6 +32,7 @@ from optuna.distributions import (
     FloatDistribution,
     IntDistribution,
 )
+from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial
 
 # Of a process that was killed while it wrote [s].
@@ -99,7 +100,7 @@ class TuningStudy:
         self.worker = worker
         self.first = FIRST * judge.tuning.population
         self.name = f'{name}-{digest(judge.scenario, name, self.tuning, varied)}'
-        self.directions = ['minimize'] * (1 if self.tuning.budget else 2)
+        self.directions = [StudyDirection.MINIMIZE] * (1 if self.tuning.budget else 2)
         self.stored = optuna.create_study(
             storage=storage, study_name=self.name, directions=self.directions, load_if_exists=True
         )
