@@ -60,8 +60,9 @@ def start(file: Path, *arguments: object) -> subprocess.Popen[str]:
 
 
 def result(folder: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((folder / 'tune.json').read_text())
-    return content['controllers']
+    content = json.loads((folder / 'tune.json').read_text())
+    found: dict[str, Any] = content['controllers']
+    return found
 
 
 def test_the_files_hold_what_was_found(file: Path, tmp_path: Path) -> None:
