@@ -59,7 +59,7 @@ def tune(
         Optional[str], typer.Option(help='Of the spread, what counts: worst (default) or mean.')
     ] = None,
     seeds: Annotated[
-        Optional[int], typer.Option(help='Noise sequences to average over (4).')
+        Optional[int], typer.Option(help='Noise sequences to average over (3).')
     ] = None,
     gain_margin: Annotated[
         Optional[float], typer.Option(help='Stable with the plant gain times and over this (2).')

@@ -74,7 +74,7 @@ class TuneSettings:
     )
     trials: int = integer(1200, 1, 10_000_000, 'designs to try')
     population: int = integer(40, 4, 10_000, 'designs of a generation')
-    seeds: int = integer(4, 1, 10_000, 'noise sequences to average over')
+    seeds: int = integer(3, 1, 10_000, 'noise sequences to average over')
     seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
     over: str = choice('worst', ('worst', 'mean'), 'of the corners, which value counts')
     gain_margin: float = number(
