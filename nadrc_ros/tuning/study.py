@@ -101,6 +101,7 @@ class TuningStudy:
         self.first = FIRST * judge.tuning.population
         self.name = f'{name}-{digest(judge.scenario, name, self.tuning, varied)}'
         self.directions = [StudyDirection.MINIMIZE] * (1 if self.tuning.budget else 2)
+        self._memory: optuna.Study | None = None
         self.stored = optuna.create_study(
             storage=storage, study_name=self.name, directions=self.directions, load_if_exists=True
         )
@@ -154,11 +155,8 @@ class TuningStudy:
         """Return a study in memory with the history, and the generation that follows it."""
         own, size = sum(map(self._is_own, history)), self.tuning.population
         generation = 0 if own == 0 else 1 + (own - self.first) // size
-        memory = optuna.create_study(
-            directions=self.directions,
-            sampler=make_sampler(self.tuning, self._seed(generation), history),
-        )
-        memory.add_trials(history)
+        memory = self._in_memory(history)
+        memory.sampler = make_sampler(self.tuning, self._seed(generation), history)
         count = size if own else self.first
         rules = (
             []
@@ -169,6 +167,14 @@ class TuningStudy:
             memory.enqueue_trial({v.name: _typed(v, design[v.name]) for v in self.varied})
         space = {v.name: _distribution(v, self.tuning.method) for v in self.varied}
         return memory, [memory.ask(space) for _ in range(count)]
+
+    def _in_memory(self, history: list[FrozenTrial]) -> optuna.Study:
+        """Return a study with the history: that of the last generation, if nobody added to it."""
+        memory = self._memory
+        if memory is None or len(memory.get_trials(deepcopy=False)) != len(history):
+            memory = self._memory = optuna.create_study(directions=self.directions)
+            memory.add_trials(history)
+        return memory
 
     def _history(self) -> tuple[list[FrozenTrial], int]:
         """Return all trials but those of an incomplete generation of its own, and their count."""
