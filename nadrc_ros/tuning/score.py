@@ -26,7 +26,7 @@ T = TypeVar('T')
 FIRST_SEED = 1001
 # With the first seed alone: that far over the budget, or beyond a better design, is hopeless.
 HOPELESS = 1.05
-GRID = 200
+GRID = 100
 # Of a design that cannot be run, is unstable, or ran away.
 NEVER = 10.0
 
