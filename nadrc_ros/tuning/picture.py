@@ -12,7 +12,9 @@ from nadrc_ros.report.figure import COLOURS, INK, STYLE
 from nadrc_ros.tuning.result import Tuned
 
 SIZE = (7.5, 4.6)  # inches
-TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+# A decade has these ticks on a short axis, and those on one of several decades.
+MANY, FEW = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0)
+SEVERAL = 30.0
 
 
 def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
@@ -32,7 +34,9 @@ def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
         axis.set_xscale('log')
         axis.set_yscale('log')
         for one in (axis.xaxis, axis.yaxis):
-            one.set_major_locator(LogLocator(subs=TICKS, numticks=12))
+            low, high = one.get_view_interval()
+            subs = FEW if high > SEVERAL * low else MANY
+            one.set_major_locator(LogLocator(subs=subs, numticks=12))
             one.set_major_formatter('{x:g}')
             one.set_minor_formatter(NullFormatter())
         axis.set_xlabel('ISU, integral of u²')
