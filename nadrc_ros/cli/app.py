@@ -19,7 +19,7 @@ from nadrc_ros.cli.sweep import sweep
 from nadrc_ros.cli.tune import tune
 import typer
 
-COMMANDS = (design, simulate, demo, report, identify, sweep, summarise, paper)
+COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise, paper)
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for _command in COMMANDS:
