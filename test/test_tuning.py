@@ -194,6 +194,11 @@ def test_the_knee_is_where_more_effort_begins_to_buy_little() -> None:
             choose(points, 0.0, isu, number)
 
 
+def test_a_front_without_a_knee_gives_the_least_objective() -> None:
+    points = front([trial(8.0, 1.0), trial(7.0, 1.01), trial(1.0, 1.02)])
+    assert knee(points) == 2
+
+
 SEARCHES = [{}, {'budget': 60.0}, {'budget': 60.0, 'sampler': 'pso'}]
 
 

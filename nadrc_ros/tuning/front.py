@@ -14,6 +14,8 @@ import numpy as np
 # Times the least objective: what is worse nobody wants, and it would only shift the knee.
 WORST = 10.0
 
+CLEARLY = 0.05
+
 
 class Point(NamedTuple):
     """A feasible design, with its figures over all seeds and corners."""
@@ -46,12 +48,14 @@ def knee(points: Sequence[Point]) -> int:
     Return where more effort begins to buy little.
 
     That is the largest distance below the chord between the ends, both axes logarithmic and of
-    length 1. Source: V. Satopaa et al., Finding a "kneedle" in a haystack, ICDCS Workshops, 2011.
+    length 1. A front without a point clearly below it has no knee: then it is the least objective.
+    Source: V. Satopaa et al., Finding a "kneedle" in a haystack, ICDCS Workshops, 2011.
     """
     if len(points) < 3:
         return len(points) - 1
     x, y = (_scaled([getattr(p.figures, name) for p in points]) for name in ('isu', 'objective'))
-    return int(np.argmax(1.0 - x - y))
+    below = 1.0 - x - y
+    return int(np.argmax(below)) if below.max() > CLEARLY else len(points) - 1
 
 
 def choose(
@@ -82,7 +86,9 @@ def choose(
         return Choice(affordable[-1], f'best within ISU {isu:g}')
     if budget:
         return Choice(len(points) - 1, f'best within the budget {budget:g}')
-    return Choice(knee(points), 'knee of the front')
+    index = knee(points)
+    last = index == len(points) - 1
+    return Choice(index, 'least objective, no knee' if last else 'knee of the front')
 
 
 def _scaled(values: Sequence[float]) -> np.ndarray:
