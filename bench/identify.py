@@ -24,12 +24,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from bench.results import save, show
-from nadrc_ros.recorded_run import read_run
-from nadrc_ros.recording import RunFolder, RunSettings
+from nadrc_ros.records.recorded_run import read_run
+from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
-from nadrc_ros.tuning.identify import identify
-from nadrc_ros.tuning.identify_data import log_of
+from nadrc_ros.tuning.identification.identify import identify
+from nadrc_ros.tuning.identification.log import log_of
 
 SEEDS, ORDER_SEEDS = 100, 10
 COLUMNS = ('time', 'reference', 'measurement', 'command', 'output')

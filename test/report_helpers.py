@@ -10,8 +10,8 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.recording import RunFolder, RunSettings, STAMPS, summarise
-from nadrc_ros.run_history import append_parameters, write_about
+from nadrc_ros.records.history import append_parameters, write_about
+from nadrc_ros.records.recording import RunFolder, RunSettings, STAMPS, summarise
 
 SIGNALS = (
     *('reference', 'measurement', 'command', 'output', 'total_disturbance'),

@@ -11,7 +11,7 @@ from bench.identify import record
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli.app import app
-from nadrc_ros.recording import read_samples
+from nadrc_ros.records.recording import read_samples
 from nadrc_ros.scenario.files import load, loads
 import pytest
 from test_identify import LAG

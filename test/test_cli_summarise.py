@@ -15,7 +15,7 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
-from nadrc_ros.recording import (
+from nadrc_ros.records.recording import (
     read_samples,
     RunFolder,
     RunSettings,
@@ -36,7 +36,7 @@ ROOT = Path(__file__).parents[1]
 WRITER = """
 import sys
 from pathlib import Path
-from nadrc_ros.recording import RunFolder, RunSettings
+from nadrc_ros.records.recording import RunFolder, RunSettings
 
 columns = ['time', 'reference', 'measurement', 'command']
 folder = RunFolder(Path(sys.argv[1]), columns, RunSettings())
@@ -51,7 +51,7 @@ while True:
 OPENER = """
 import sys
 from pathlib import Path
-from nadrc_ros.recording import RunFolder, RunSettings
+from nadrc_ros.records.recording import RunFolder, RunSettings
 
 print('ready', flush=True)
 sys.stdin.read()

@@ -16,7 +16,7 @@ from typing import Any
 import attrs
 from nadrc_ros.cli.app import app
 from nadrc_ros.cli.sweep import _fill
-from nadrc_ros.run_table import RunTable
+from nadrc_ros.records.run_table import RunTable
 from nadrc_ros.scenario import load
 from nadrc_ros.scenario.sweep import Extent, load_sweep, Sweep
 from nadrc_ros.simulation.metrics import MetricValues

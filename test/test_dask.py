@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from nadrc_ros.run_table import RunTable
+from nadrc_ros.records.run_table import RunTable
 from nadrc_ros.scenario.sweep import load_sweep, run_range
 import pytest
 

@@ -18,8 +18,8 @@ from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import disturbance_fields, fault_fields, noise_fields
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.signals import signal_fields
-from nadrc_ros.tuning.limits import check
-from nadrc_ros.tuning.requirements import Conflict, Requirements
+from nadrc_ros.tuning.design.limits import check
+from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest
 import yaml
 

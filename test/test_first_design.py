@@ -15,15 +15,15 @@ from nadrc_ros.adrc.theory.transfer import controller
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Result, simulate
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.tuning.advice import WORTH
-from nadrc_ros.tuning.bandwidths import BAND, readable, settling_factor
-from nadrc_ros.tuning.candidates import better_below, Candidate, candidates, single
-from nadrc_ros.tuning.experiment import expect, experiment
-from nadrc_ros.tuning.first_design import first_design
-from nadrc_ros.tuning.limits import check, noise_budget
-from nadrc_ros.tuning.prediction import curves
-from nadrc_ros.tuning.requirements import Conflict, Requirements
-from nadrc_ros.tuning.responses import settling_time, step_response
+from nadrc_ros.tuning.design.advice import WORTH
+from nadrc_ros.tuning.design.bandwidths import BAND, readable, settling_factor
+from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidates, single
+from nadrc_ros.tuning.design.experiment import expect, experiment
+from nadrc_ros.tuning.design.first_design import first_design
+from nadrc_ros.tuning.design.limits import check, noise_budget
+from nadrc_ros.tuning.design.prediction import curves
+from nadrc_ros.tuning.design.requirements import Conflict, Requirements
+from nadrc_ros.tuning.design.responses import settling_time, step_response
 import numpy as np
 import pytest
 

@@ -9,15 +9,15 @@ from pathlib import Path
 import attrs
 from bench.identify import scenarios, study
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.recorded_run import RecordedRun
+from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants.chain import Chain
-from nadrc_ros.tuning.identify import identify
-from nadrc_ros.tuning.identify_advice import advise, scenario_of
-from nadrc_ros.tuning.identify_data import is_one_sine, log_of, noise_deviation
-from nadrc_ros.tuning.identify_estimate import robust_error
-from nadrc_ros.tuning.identify_predictor import Array, Form, Log, plant_polynomials
+from nadrc_ros.tuning.identification.advice import advise, scenario_of
+from nadrc_ros.tuning.identification.estimate import robust_error
+from nadrc_ros.tuning.identification.identify import identify
+from nadrc_ros.tuning.identification.log import is_one_sine, log_of, noise_deviation
+from nadrc_ros.tuning.identification.predictor import Array, Form, Log, plant_polynomials
 import numpy as np
 import pytest
 from scipy.signal import lfilter

@@ -9,8 +9,8 @@ import sys
 
 from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.recorded_run import read_run
-from nadrc_ros.recording import RunFolder, RunSettings
+from nadrc_ros.records.recorded_run import read_run
+from nadrc_ros.records.recording import RunFolder, RunSettings
 import numpy as np
 import pytest
 

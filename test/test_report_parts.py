@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from hypothesis import given, strategies
+from nadrc_ros.records.history import append_parameters, Change, History, read_history
 from nadrc_ros.report.columns import Array
 from nadrc_ros.report.moments import moments_of, text_of
 from nadrc_ros.report.spectrum import command_spectrum
 from nadrc_ros.report.subject import read_subjects
 from nadrc_ros.report.thinning import kept
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, sampled
-from nadrc_ros.run_history import append_parameters, Change, History, read_history
 import numpy as np
 import pytest
 from report_helpers import describe, record

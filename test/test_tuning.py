@@ -14,11 +14,11 @@ from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads, Scenario
 from nadrc_ros.simulation.many import run_metrics
-from nadrc_ros.tuning.front import choose, front, knee, Point
-from nadrc_ros.tuning.score import Figures, Judge, Score, with_gain
-from nadrc_ros.tuning.settings import settings_from, TuneSettings
-from nadrc_ros.tuning.study import evaluate, open_storage, Trial, TuningStudy
-from nadrc_ros.tuning.variables import designed, first_designs, values_of, variables
+from nadrc_ros.tuning.search.front import choose, front, knee, Point
+from nadrc_ros.tuning.search.score import Figures, Judge, Score, with_gain
+from nadrc_ros.tuning.search.settings import settings_from, TuneSettings
+from nadrc_ros.tuning.search.study import evaluate, open_storage, Trial, TuningStudy
+from nadrc_ros.tuning.search.variables import designed, first_designs, values_of, variables
 import pytest
 
 SCENARIO = """

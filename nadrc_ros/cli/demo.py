@@ -161,11 +161,11 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    from nadrc_ros.records.history import read_history
     from nadrc_ros.report.caption import title_of
     from nadrc_ros.report.columns import Trace
     from nadrc_ros.report.figure import draw, render
     from nadrc_ros.report.moments import moments_of
-    from nadrc_ros.run_history import read_history
     from nadrc_ros.writing import write_whole
 
     names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')

@@ -6,13 +6,13 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.tuning.requirements import Requirements
+from nadrc_ros.tuning.design.requirements import Requirements
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.report.bode import Loop
-    from nadrc_ros.tuning.experiment import Expected
-    from nadrc_ros.tuning.first_design import FirstDesign
+    from nadrc_ros.tuning.design.experiment import Expected
+    from nadrc_ros.tuning.design.first_design import FirstDesign
 
 ASKED = declared(Requirements)
 POINTS = 800
@@ -59,7 +59,7 @@ def design(
     values = {name: value for name, value in locals().items() if name in ASKED}
     with reporting():
         from nadrc_ros.adrc.fields import build
-        from nadrc_ros.tuning.first_design import first_design
+        from nadrc_ros.tuning.design.first_design import first_design
 
         found = first_design(build(Requirements, values))
         expected = found.expected()
@@ -149,7 +149,7 @@ def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
     from math import pi
 
     from nadrc_ros.report.bode import Loop
-    from nadrc_ros.tuning.prediction import curves
+    from nadrc_ros.tuning.design.prediction import curves
     import numpy as np
 
     wc, nyquist = found.chosen.settings.controller_bandwidth, pi * found.wanted.rate

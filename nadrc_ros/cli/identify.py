@@ -8,9 +8,9 @@ from nadrc_ros.cli.failure import complain, reporting
 import typer
 
 if TYPE_CHECKING:
-    from nadrc_ros.tuning.identify import Plant
-    from nadrc_ros.tuning.identify_advice import Advice
-    from nadrc_ros.tuning.identify_estimate import Estimate
+    from nadrc_ros.tuning.identification.advice import Advice
+    from nadrc_ros.tuning.identification.estimate import Estimate
+    from nadrc_ros.tuning.identification.identify import Plant
 
 TOLERABLE = 2.0  # a b0 that is off by more is worth a new one
 
@@ -53,16 +53,16 @@ def identify(
     """
     named = {'measurement': measurement, 'command': command, 'reference': reference}
     with reporting(str(run)):
-        from nadrc_ros.recorded_run import read_run
+        from nadrc_ros.records.recorded_run import read_run
         from nadrc_ros.scenario.files import dump
         from nadrc_ros.scenario.parameter_files import (
             ANY_CONTROLLER,
             controller_parameters,
             parameter_text,
         )
-        from nadrc_ros.tuning.identify import identify as find
-        from nadrc_ros.tuning.identify_advice import advise, rounded, scenario_of
-        from nadrc_ros.tuning.identify_data import log_of
+        from nadrc_ros.tuning.identification.advice import advise, rounded, scenario_of
+        from nadrc_ros.tuning.identification.identify import identify as find
+        from nadrc_ros.tuning.identification.log import log_of
         from nadrc_ros.writing import write_json, write_whole
 
         recorded = read_run(run, {k: v for k, v in named.items() if v is not None}, namespace)

@@ -20,7 +20,7 @@ def summarise(
     """
     with reporting(str(run)):
         from nadrc_ros.cli.table import print_figures_of_merit
-        from nadrc_ros.recording import summarise, SUMMARY
+        from nadrc_ros.records.recording import summarise, SUMMARY
         from nadrc_ros.simulation.metrics import MetricValues
         from nadrc_ros.writing import write_json
 

@@ -10,7 +10,7 @@ from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
-    from nadrc_ros.run_table import RunTable
+    from nadrc_ros.records.run_table import RunTable
     from nadrc_ros.scenario.sweep import Sweep
 
 
@@ -38,7 +38,7 @@ def sweep(
     """
     with reporting(str(file)):
         from nadrc_ros.cli.workers import cluster, processes
-        from nadrc_ros.run_table import FORMATS, RunTable
+        from nadrc_ros.records.run_table import FORMATS, RunTable
         from nadrc_ros.scenario.sweep import load_sweep
         from nadrc_ros.simulation.experiment import WORTH_COMPILING
 

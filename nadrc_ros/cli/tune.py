@@ -13,9 +13,9 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
-    from nadrc_ros.tuning.result import Tuned
-    from nadrc_ros.tuning.settings import TuneSettings
-    from nadrc_ros.tuning.study import TuningStudy
+    from nadrc_ros.tuning.search.result import Tuned
+    from nadrc_ros.tuning.search.settings import TuneSettings
+    from nadrc_ros.tuning.search.study import TuningStudy
 
 OUT = Path('out/tune')
 # What is decided after the search, or where it is done.
@@ -130,7 +130,7 @@ def tune(
         tuning = _tuning(given, settings)
         folder = out or OUT / path.stem
         try:
-            from nadrc_ros.tuning.study import open_storage
+            from nadrc_ros.tuning.search.study import open_storage
         except ImportError as error:
             from nadrc_ros.adrc.errors import UserError
 
@@ -174,7 +174,7 @@ def _tuning(given: dict[str, Any], file: Optional[Path]) -> 'TuneSettings':
     from nadrc_ros.adrc.errors import SettingError
     from nadrc_ros.scenario.files import read_text
     from nadrc_ros.scenario.yaml_text import read_yaml
-    from nadrc_ros.tuning.settings import settings_from
+    from nadrc_ros.tuning.search.settings import settings_from
 
     for key in ('vary', 'plant'):
         if key in given:
@@ -206,9 +206,9 @@ def _studies(
     scenario: 'Scenario', names: list[str], tuning: 'TuneSettings', storage: Any, worker: int
 ) -> 'dict[str, TuningStudy]':
     from nadrc_ros.simulation.experiment import kernel
-    from nadrc_ros.tuning.score import Judge
-    from nadrc_ros.tuning.study import TuningStudy
-    from nadrc_ros.tuning.variables import variables
+    from nadrc_ros.tuning.search.score import Judge
+    from nadrc_ros.tuning.search.study import TuningStudy
+    from nadrc_ros.tuning.search.variables import variables
 
     found = {}
     for name in names:
@@ -227,7 +227,7 @@ def _studies(
 
 
 def _search(name: str, study: 'TuningStudy', jobs: Optional[int]) -> None:
-    from nadrc_ros.tuning.study import evaluate
+    from nadrc_ros.tuning.search.study import evaluate
 
     if study.done >= study.tuning.trials:
         return
@@ -265,8 +265,8 @@ def _finish(
 ) -> None:
     from nadrc_ros.report.caption import title_of
     from nadrc_ros.report.figure import render
-    from nadrc_ros.tuning.picture import draw
-    from nadrc_ros.tuning.result import document, texts, tuned
+    from nadrc_ros.tuning.search.picture import draw
+    from nadrc_ros.tuning.search.result import document, texts, tuned
     from nadrc_ros.writing import write_json, write_whole
 
     found = [tuned(study, one, isu, number) for one, study in studies.items()]

@@ -23,7 +23,7 @@ from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
 from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
-from nadrc_ros.replay import TraceWriter
+from nadrc_ros.records.replay import TraceWriter
 from std_srvs.srv import SetBool, Trigger
 
 Reference = Sequence[float | None]

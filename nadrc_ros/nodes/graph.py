@@ -17,7 +17,7 @@ from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.nodes.topics import reference_topics
-from nadrc_ros.recording import ESTIMATES
+from nadrc_ros.records.recording import ESTIMATES
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.errors import ScenarioError

@@ -13,7 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.nodes.graph import Loop
 from nadrc_ros.nodes.operation import check, Operator, Progress
-from nadrc_ros.recording import read_samples, SUMMARY
+from nadrc_ros.records.recording import read_samples, SUMMARY
 from nadrc_ros.scenario import Scenario
 import rclpy
 from rclpy.signals import SignalHandlerOptions

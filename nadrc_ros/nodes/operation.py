@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nadrc_ros.nodes.graph import expected_readers, Loop
 from nadrc_ros.nodes.runtime import make_executor, spin_for
 from nadrc_ros.nodes.topics import receive
-from nadrc_ros.recording import SUMMARY
+from nadrc_ros.records.recording import SUMMARY
 from nadrc_ros.simulation.experiment import Retune
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters

@@ -20,7 +20,8 @@ from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.stamps import Losses, Places
 from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
 from nadrc_ros.nodes.versions import versions
-from nadrc_ros.recording import (
+from nadrc_ros.records.history import append_parameters, write_about
+from nadrc_ros.records.recording import (
     ESTIMATES,
     FigureSettings,
     NEEDED,
@@ -31,7 +32,6 @@ from nadrc_ros.recording import (
     topic_of,
     TRUTH,
 )
-from nadrc_ros.run_history import append_parameters, write_about
 from nadrc_ros.simulation.metrics import Metrics
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import attrs
+from nadrc_ros.records.history import Change, History
 from nadrc_ros.report.caption import Mark
-from nadrc_ros.run_history import Change, History
 
 # Changes of several runs within this time are one moment [s]: they ran side by side.
 TOGETHER = 0.1

@@ -9,8 +9,9 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.recorded_run import read_run, RecordedRun
-from nadrc_ros.recording import (
+from nadrc_ros.records.history import History, read_history
+from nadrc_ros.records.recorded_run import read_run, RecordedRun
+from nadrc_ros.records.recording import (
     FigureSettings,
     read_settings,
     RecordingError,
@@ -20,7 +21,6 @@ from nadrc_ros.recording import (
 )
 from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, Steps
-from nadrc_ros.run_history import History, read_history
 from nadrc_ros.simulation.metrics import Metrics, MetricValues, SETTLE_TIME
 import numpy as np
 

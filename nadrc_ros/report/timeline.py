@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.records.history import History
 from nadrc_ros.report.columns import Array
-from nadrc_ros.run_history import History
 from nadrc_ros.simulation.plants import PLANTS
 import numpy as np
 import numpy.typing as npt

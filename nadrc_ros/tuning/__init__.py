@@ -1,1 +1,1 @@
-"""Finding the numbers of a controller: a first design from requirements, and tuning."""
+"""Finding the numbers of a controller: from requirements, from a log, by search."""

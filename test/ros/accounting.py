@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import json
 from pathlib import Path
 
-from nadrc_ros.recording import read_samples, SUMMARY
+from nadrc_ros.records.recording import read_samples, SUMMARY
 
 
 def check_rows(

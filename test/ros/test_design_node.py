@@ -9,8 +9,8 @@ from nadrc_ros.scenario.parameter_files import (
     controller_parameters,
     parameter_text,
 )
-from nadrc_ros.tuning.candidates import candidates
-from nadrc_ros.tuning.requirements import Requirements
+from nadrc_ros.tuning.design.candidates import candidates
+from nadrc_ros.tuning.design.requirements import Requirements
 from probe import Probe, Processes
 
 NAMES = ('rate', 'inner_bandwidth', 'levels', 'observer_gain_factor')

@@ -9,7 +9,7 @@ import signal
 from typing import Any
 
 from nadrc_ros.cli.app import app
-from nadrc_ros.recording import read_samples, SAMPLES, SUMMARY
+from nadrc_ros.records.recording import read_samples, SAMPLES, SUMMARY
 from probe import NodeProcess, Probe, Processes
 from typer.testing import CliRunner
 

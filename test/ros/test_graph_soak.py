@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 
 from accounting import check_rows
-from nadrc_ros.recording import read_samples
+from nadrc_ros.records.recording import read_samples
 from probe import Probe, Processes, ROOT
 from resources import growth, Held
 from soak import LIMIT, NODES, RATE, Soak, UNTIL_CALM

@@ -11,8 +11,8 @@ import time
 from typing import Any
 
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.recording import read_samples, SAMPLES
-from nadrc_ros.run_history import ABOUT, History, PARAMETERS, read_history
+from nadrc_ros.records.history import ABOUT, History, PARAMETERS, read_history
+from nadrc_ros.records.recording import read_samples, SAMPLES
 from probe import Probe, Processes
 from rclpy.node import Node
 from rclpy.parameter import Parameter

@@ -15,7 +15,14 @@ from typing import Any
 from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.recording import read_samples, RunFolder, RunSettings, SAMPLES, STAMPS, SUMMARY
+from nadrc_ros.records.recording import (
+    read_samples,
+    RunFolder,
+    RunSettings,
+    SAMPLES,
+    STAMPS,
+    SUMMARY,
+)
 from probe import Probe, Processes
 import pytest
 

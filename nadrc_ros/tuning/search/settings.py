@@ -52,7 +52,7 @@ class TuneSettings:
     ----------
     vary
         Ranges by the names of what varies; an empty one stands for the default range. Nothing
-        named: what :func:`~nadrc_ros.tuning.variables.default_variables` proposes.
+        named: what :func:`~nadrc_ros.tuning.search.variables.default_variables` proposes.
     plant
         Ranges of plant coefficients, whose corners are simulated besides the nominal plant.
     b0_spread

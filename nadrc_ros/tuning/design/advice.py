@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from nadrc_ros.tuning.candidates import better_below, Candidate
-from nadrc_ros.tuning.requirements import Requirements
+from nadrc_ros.tuning.design.candidates import better_below, Candidate
+from nadrc_ros.tuning.design.requirements import Requirements
 
 # A level more has to leave less than this share of the error to be worth its margin, and the loop
 # no nearer to -1 than this (maximum sensitivity 2.5).

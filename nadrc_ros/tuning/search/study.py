@@ -20,10 +20,10 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.simulation.many import stream
-from nadrc_ros.tuning.samplers import FIRST, make_sampler
-from nadrc_ros.tuning.score import Figures, Judge, Score, undominated
-from nadrc_ros.tuning.settings import TuneSettings
-from nadrc_ros.tuning.variables import first_designs, Variable
+from nadrc_ros.tuning.search.samplers import FIRST, make_sampler
+from nadrc_ros.tuning.search.score import Figures, Judge, Score, undominated
+from nadrc_ros.tuning.search.settings import TuneSettings
+from nadrc_ros.tuning.search.variables import first_designs, Variable
 import numpy as np
 import optuna
 from optuna.distributions import (

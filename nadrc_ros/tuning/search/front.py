@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.tuning.score import Figures, undominated
-from nadrc_ros.tuning.study import Trial
+from nadrc_ros.tuning.search.score import Figures, undominated
+from nadrc_ros.tuning.search.study import Trial
 import numpy as np
 
 # Times the least objective: what is worse nobody wants, and it would only shift the knee.

@@ -7,7 +7,7 @@ from typing import Any
 import warnings
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.tuning.settings import TuneSettings
+from nadrc_ros.tuning.search.settings import TuneSettings
 import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution

@@ -9,7 +9,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from nadrc_ros.report.figure import COLOURS, INK, STYLE
-from nadrc_ros.tuning.result import Tuned
+from nadrc_ros.tuning.search.result import Tuned
 
 SIZE = (7.5, 4.6)  # inches
 # A decade has these ticks on a short axis, and those on one of several decades.

@@ -18,7 +18,7 @@ The estimate of b0 from closed-loop data, and an interval that stays honest.
 from __future__ import annotations
 
 import attrs
-from nadrc_ros.tuning.identify_predictor import (
+from nadrc_ros.tuning.identification.predictor import (
     Array,
     differences,
     filtered,

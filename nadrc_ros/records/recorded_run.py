@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-from nadrc_ros.bags import is_bag, read_bag
-from nadrc_ros.recording import (
+from nadrc_ros.records.bags import is_bag, read_bag
+from nadrc_ros.records.recording import (
     NEEDED,
     read_samples,
     read_settings,
@@ -61,7 +61,7 @@ def read_run(
         Where it is.
     topics, namespace
         For a bag: the topic of a signal by its column, and the namespace of the loop; see
-        :func:`nadrc_ros.bags.read_bag`.
+        :func:`nadrc_ros.records.bags.read_bag`.
 
     Raises
     ------

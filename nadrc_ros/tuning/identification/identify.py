@@ -5,8 +5,8 @@ Assumed: y^(n) = b0 u + a . (y, ..., y^(n-1)) + d, with a disturbance that is sl
 noise bandwidth and does not go with the reference, white measurement noise, and a command held
 over each period. What does not fit (gains that vary, friction, stiffness that bends) is part of d
 and widens the interval as far as it does not go with the reference. Method and sources:
-:mod:`nadrc_ros.tuning.identify_estimate`; for filters and polynomial models of continuous time
-also Unbehauen and Rao (Automatica 26, 1990) and Garnier and Wang (Springer, 2008).
+:mod:`nadrc_ros.tuning.identification.estimate`; for filters and polynomial models of continuous
+time also Unbehauen and Rao (Automatica 26, 1990) and Garnier and Wang (Springer, 2008).
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import attrs
-from nadrc_ros.recording import RecordingError
-from nadrc_ros.tuning.identify_data import ADVICE, is_one_sine, noise_deviation
-from nadrc_ros.tuning.identify_estimate import Estimate, Fit, fit_direct, fit_late, refine
-from nadrc_ros.tuning.identify_predictor import Form, Log
+from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.tuning.identification.estimate import Estimate, Fit, fit_direct, fit_late, refine
+from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine, noise_deviation
+from nadrc_ros.tuning.identification.predictor import Form, Log
 import numpy as np
 
 ORDERS = (1, 2, 3)

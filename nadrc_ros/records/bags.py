@@ -14,7 +14,7 @@ import sqlite3
 from typing import Any
 
 from nadrc_ros.adrc.settings import MAX_LEVELS
-from nadrc_ros.recording import ESTIMATES, NEEDED, RecordingError, topic_of, TRUTH
+from nadrc_ros.records.recording import ESTIMATES, NEEDED, RecordingError, topic_of, TRUTH
 import numpy as np
 import numpy.typing as npt
 

@@ -11,10 +11,10 @@ from nadrc_ros.adrc.theory.margins import Margins, margins
 from nadrc_ros.adrc.theory.norms import h_infinity_norm
 from nadrc_ros.adrc.theory.system import Array, Complex, pick, response, StateSpace
 from nadrc_ros.adrc.theory.transfer import total_disturbance
-from nadrc_ros.tuning.bandwidths import BAND
-from nadrc_ros.tuning.limits import noise_gain
-from nadrc_ros.tuning.requirements import Requirements
-from nadrc_ros.tuning.responses import settling_time, step_response
+from nadrc_ros.tuning.design.bandwidths import BAND
+from nadrc_ros.tuning.design.limits import noise_gain
+from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.design.responses import settling_time, step_response
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import expm1, floor, log, log10
 
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.tuning.requirements import Requirements
+from nadrc_ros.tuning.design.requirements import Requirements
 from scipy import special
 
 BAND = 0.02

@@ -10,7 +10,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.adrc.theory.system import Array
-from nadrc_ros.tuning.bandwidths import (
+from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     FASTEST,
     readable,
@@ -18,9 +18,16 @@ from nadrc_ros.tuning.bandwidths import (
     SLOWEST,
     USUAL,
 )
-from nadrc_ros.tuning.limits import check, largest, LIMITS, MOST_PER_PERIOD, noise_gain, Test
-from nadrc_ros.tuning.prediction import nominal_loop, predict, Prediction, rejection
-from nadrc_ros.tuning.requirements import Conflict, Requirements
+from nadrc_ros.tuning.design.limits import (
+    check,
+    largest,
+    LIMITS,
+    MOST_PER_PERIOD,
+    noise_gain,
+    Test,
+)
+from nadrc_ros.tuning.design.prediction import nominal_loop, predict, Prediction, rejection
+from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize

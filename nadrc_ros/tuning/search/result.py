@@ -20,11 +20,11 @@ from nadrc_ros.scenario.parameter_files import (
 )
 from nadrc_ros.simulation.many import run_metrics
 from nadrc_ros.simulation.metrics import MetricValues
-from nadrc_ros.tuning.front import Choice, choose, front, knee, Point
-from nadrc_ros.tuning.score import FIRST_SEED
-from nadrc_ros.tuning.settings import TuneSettings
-from nadrc_ros.tuning.study import TuningStudy
-from nadrc_ros.tuning.variables import designed, Variable
+from nadrc_ros.tuning.search.front import Choice, choose, front, knee, Point
+from nadrc_ros.tuning.search.score import FIRST_SEED
+from nadrc_ros.tuning.search.settings import TuneSettings
+from nadrc_ros.tuning.search.study import TuningStudy
+from nadrc_ros.tuning.search.variables import designed, Variable
 import numpy as np
 
 # Seeds that the search does not see, to say what to expect.

@@ -10,13 +10,13 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.theory.loop import chain, loop_growth
 from nadrc_ros.adrc.theory.margins import margins
 from nadrc_ros.adrc.theory.noise import command_variance
-from nadrc_ros.tuning.bandwidths import (
+from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     settings_of,
     settling_factor,
     SLOWEST,
 )
-from nadrc_ros.tuning.requirements import Conflict, Requirements
+from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 
 MOST_PER_PERIOD = 0.3
 DELAY_SHARE = 0.5

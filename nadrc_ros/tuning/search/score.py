@@ -17,8 +17,8 @@ from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.user_plant import blame
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.many import run_metrics, RunMetrics
-from nadrc_ros.tuning.settings import TuneSettings
-from nadrc_ros.tuning.variables import designed
+from nadrc_ros.tuning.search.settings import TuneSettings
+from nadrc_ros.tuning.search.variables import designed
 import numpy as np
 
 T = TypeVar('T')

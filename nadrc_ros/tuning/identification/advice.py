@@ -24,9 +24,9 @@ from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants.chain import Chain
-from nadrc_ros.tuning.identify import Plant
-from nadrc_ros.tuning.identify_data import dominant_sine
-from nadrc_ros.tuning.identify_predictor import (
+from nadrc_ros.tuning.identification.identify import Plant
+from nadrc_ros.tuning.identification.log import dominant_sine
+from nadrc_ros.tuning.identification.predictor import (
     Array,
     filtered,
     Form,

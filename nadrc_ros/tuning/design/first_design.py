@@ -10,12 +10,12 @@ import attrs
 from nadrc_ros.adrc.design import bandwidths, make_design
 from nadrc_ros.adrc.theory.pid import equivalent_pid, FilteredPID
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.tuning.advice import advice, advised
-from nadrc_ros.tuning.bandwidths import settling_factor
-from nadrc_ros.tuning.candidates import asked, Candidate, candidates
-from nadrc_ros.tuning.experiment import expect, Expected, experiment
-from nadrc_ros.tuning.limits import MOST_PER_PERIOD
-from nadrc_ros.tuning.requirements import Requirements
+from nadrc_ros.tuning.design.advice import advice, advised
+from nadrc_ros.tuning.design.bandwidths import settling_factor
+from nadrc_ros.tuning.design.candidates import asked, Candidate, candidates
+from nadrc_ros.tuning.design.experiment import expect, Expected, experiment
+from nadrc_ros.tuning.design.limits import MOST_PER_PERIOD
+from nadrc_ros.tuning.design.requirements import Requirements
 
 
 @attrs.frozen(kw_only=True, eq=False)

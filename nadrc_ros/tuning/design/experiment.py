@@ -9,8 +9,8 @@ from typing import NamedTuple
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.tuning.candidates import Candidate
-from nadrc_ros.tuning.requirements import Requirements
+from nadrc_ros.tuning.design.candidates import Candidate
+from nadrc_ros.tuning.design.requirements import Requirements
 
 # In settling times: the start, which is bumpless and would spoil the step; the step of the
 # reference alone; the disturbance beside it.

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-from nadrc_ros.recording import RecordingError
+from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.writing import write_json
 
 ABOUT = 'about.json'

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import comb
 
-from nadrc_ros.recorded_run import RecordedRun
-from nadrc_ros.recording import RecordingError
-from nadrc_ros.tuning.identify_predictor import Array, Log
+from nadrc_ros.records.recorded_run import RecordedRun
+from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.tuning.identification.predictor import Array, Log
 import numpy as np
 
 FEWEST_SAMPLES = 200

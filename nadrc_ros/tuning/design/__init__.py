@@ -1,0 +1,1 @@
+"""A first design from requirements: bandwidths by rules, margins and noise by theory."""

@@ -1,0 +1,1 @@
+"""The plant behind a log: order, input gain with its interval, noise, lateness."""
