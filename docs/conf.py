@@ -13,7 +13,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 import attrs
-from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -87,7 +86,6 @@ def _shorten(_: Sphinx, kind: str, __: str, thing: Any, *___: Any) -> tuple[str,
 
 def setup(app: Sphinx) -> None:
     """Connect the above."""
-    app.add_lexer('mermaid', TextLexer)
     app.connect('source-read', _add_contents)
     app.connect('autodoc-process-docstring', _escape, priority=900)  # after napoleon
     app.connect('autodoc-process-signature', _shorten)

@@ -1,4 +1,4 @@
-"""Writes the generated parts of docs/safety.md: `python docs/safety.py`."""
+"""Writes the generated parts of docs/safety.md, and its picture: `python docs/safety.py`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from marked import filled
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode, supervise, Watch
+from states import draw
 
 PAGE = Path(__file__).with_name('safety.md')
+PICTURE = PAGE.with_name('states.svg')
 TESTS = PAGE.parents[1] / 'test'
 PROMISES = (
     'A measurement or reference that is no number never enters the observer: its state stays the '
@@ -92,7 +94,7 @@ def _promises(name: str) -> Iterator[tuple[int, str]]:
         yield int(part[1]), words.replace('_', ' ')
 
 
-def state_diagram() -> str:
+def picture() -> str:
     """Return what the fault policy does, as it does it: every transition from every state."""
     edges: dict[tuple[Mode, Mode], set[str]] = defaultdict(set)
     for mode, cause in product(Mode, Cause):
@@ -115,10 +117,7 @@ def state_diagram() -> str:
                 same = supervise(DESIGN, plain, *arguments, False, 0.01, 0.01).mode
                 if after != mode and (label == _name(present) or after != same):
                     edges[mode, Mode(after)].add(label)
-    lines = ['stateDiagram-v2', '    direction LR', '    [*] --> SAFE: start']
-    for (before_mode, after_mode), labels in sorted(edges.items()):
-        lines.append(f'    {before_mode.name} --> {after_mode.name}: {", ".join(sorted(labels))}')
-    return '```mermaid\n' + '\n'.join(lines) + '\n```'
+    return draw([mode.name for mode in Mode], {tuple(edge): edges[edge] for edge in edges})
 
 
 def _name(cause: Cause) -> str:
@@ -127,8 +126,9 @@ def _name(cause: Cause) -> str:
 
 def page() -> str:
     """Return the page with its generated parts as they have to be."""
-    return filled(PAGE, {'promises': promise_table(), 'states': state_diagram()})
+    return filled(PAGE, {'promises': promise_table()})
 
 
 if __name__ == '__main__':
     PAGE.write_text(page(), encoding='utf-8')
+    PICTURE.write_text(picture(), encoding='utf-8')

@@ -120,6 +120,12 @@ def test_what_is_generated_is_up_to_date(page: str) -> None:
     assert generator.page() == generator.PAGE.read_text(encoding='utf-8')
 
 
+def test_the_picture_of_the_states_is_up_to_date() -> None:
+    sys.path.insert(0, str(ROOT / 'docs'))
+    safety: Any = import_module('safety')
+    assert safety.picture() == safety.PICTURE.read_text(encoding='utf-8')
+
+
 def test_every_promise_has_a_test() -> None:
     rows = re.findall(r'^\| (\d+) \| .* \| (.*) \|$', SAFETY, re.MULTILINE)
     assert [int(number) for number, _ in rows] == list(range(1, 21))
