@@ -32,6 +32,8 @@ def paper(
 
     Writes index.html, paper.json and the figures. Fails if a number is out of the tolerance that
     its section declares.
+
+    Example: nadrc paper --quick --out look
     """
     with reporting():
         import os

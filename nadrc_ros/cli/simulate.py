@@ -31,7 +31,11 @@ def simulate(
     ] = None,
     rate: Annotated[Optional[float], typer.Option(help='Control periods per second.')] = None,
 ) -> None:
-    """Run a scenario offline and compare its controllers."""
+    """
+    Run a scenario offline and compare its controllers.
+
+    Example: nadrc simulate demo --plot demo.png, or nadrc simulate mine.yaml --seed 7
+    """
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
 
