@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 import time
 
 import attrs
@@ -168,9 +169,10 @@ class Watch(Ticker):
     def __init__(self, node: Node, beat: Beat, rate: float, tick: Callable[[float], None]) -> None:
         super().__init__(beat, rate, tick)
         self._timer = beat.timer
-        self._heard = self._looked = self.now()
+        self._heard = self.now()
+        self._due = inf
         self._losses = Losses()
-        self._lost = 0
+        self._lost = self._late = 0
         self._look_timer = node.create_timer(self._period, self._look, clock=beat.clock)
 
     def notice_within(self, seconds: float) -> None:
@@ -182,7 +184,8 @@ class Watch(Ticker):
         """Count a period for the sample with this publication number."""
         lost = self._losses.before(number)
         self._lost += lost
-        self.missed += lost
+        self.missed += max(0, lost - self._late)
+        self._late = 0
         self._heard = self._last = self.now()
         self._start_from(self._last)
         self.periods += 1
@@ -193,10 +196,14 @@ class Watch(Ticker):
 
     def _look(self) -> None:
         now = self.now()
-        late, self._looked = now - self._looked - self._look_timer.timer_period_ns, now
+        late = max(0.0, now - self._due)
+        self._due = now + self._look_timer.timer_period_ns
         if not self._timer.is_canceled():  # that one counts
             return
-        self.missed += max(0, int(late * 1e-9 / self._period) - self._lost)
+        # What a stall lost is told by the look or by the next number, whichever comes first.
+        missed = max(0, int(late * 1e-9 / self._period) - self._lost)
+        self.missed += missed
+        self._late += missed
         self._lost = 0
         if self._silent:
             self._start_from(now)

@@ -15,6 +15,7 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.reference import ReferenceNode
+from nadrc_ros.nodes.runtime import make_executor
 from probe import Probe, Processes
 import pytest
 from rclpy.executors import SingleThreadedExecutor
@@ -357,3 +358,24 @@ def test_p17_with_measurements_as_trigger_only_what_was_missed_is_counted(
     before = ticker.missed
     time.sleep(0.4)  # a stall
     probe.wait_until(lambda: ticker.missed >= before + 15)
+
+
+@pytest.mark.parametrize('executor', [make_executor, SingleThreadedExecutor])
+def test_p17_measurements_that_a_stall_lost_are_missed_once(
+    executor: Callable[[], Any], make_probe: Make, start: Processes
+) -> None:
+    """The one executor runs timers first when a stall ends, the other one what was received."""
+    trigger = {'trigger': 'measurement', 'measurement_timeout': 0.0}
+    probe = make_probe(executor=executor, parameters={'controller': CONTROL | trigger})
+    ticker = probe.add(ControllerNode()).ticker
+    start('plant', **PLANT, start='at_once')
+    numbers = ticker._losses
+    probe.wait_until(lambda: numbers.newest > 10)
+    first, counted = numbers.newest, ticker.periods + ticker.missed
+    for _ in range(4):
+        k = numbers.newest
+        time.sleep(0.255)  # a stall
+        probe.wait_until(passes(lambda: numbers.newest, k + 30))
+    counted = ticker.periods + ticker.missed - counted
+    assert counted == pytest.approx(numbers.newest - first, abs=30.0)  # twice would be 100 more
+    assert ticker.missed >= 80
