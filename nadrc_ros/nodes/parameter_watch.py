@@ -11,7 +11,7 @@ from typing import Any
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
@@ -19,6 +19,7 @@ from rclpy.task import Future
 ASK_AGAIN = 2.0
 # What the middleware calls a node that it does not know yet.
 UNKNOWN = '_UNKNOWN_'
+TYPES = {kind.value for kind in Parameter.Type}
 
 Values = dict[str, Any]
 Tell = Callable[[str, Values], None]
@@ -53,23 +54,34 @@ class ParameterWatch:
         )
 
     def look(self) -> None:
-        """Look for publishers, and ask those that have not answered."""
-        for topic in self._topics:
-            for info in self._node.get_publishers_info_by_topic(topic):
-                name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                if UNKNOWN not in name:
-                    self._meet(name, bytes(info.endpoint_gid))
+        """Look for publishers, forget who is gone, and ask those that have not answered."""
+        there = self._publishers()
+        for name in self._sources.keys() - there.keys():
+            self._sources.pop(name).end()
+            self.known.pop(name, None)
+        for name, publishers in there.items():
+            self._meet(name, publishers)
         now = time.monotonic()
         for source in self._sources.values():
             source.look(now)
 
-    def _meet(self, name: str, publisher: bytes) -> None:
+    def _publishers(self) -> dict[str, set[bytes]]:
+        """Return the publishers that are there, by the full name of their node."""
+        there: dict[str, set[bytes]] = {}
+        for topic in self._topics:
+            for info in self._node.get_publishers_info_by_topic(topic):
+                name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                if UNKNOWN not in name:
+                    there.setdefault(name, set()).add(bytes(info.endpoint_gid))
+        return there
+
+    def _meet(self, name: str, publishers: set[bytes]) -> None:
         if name not in self._sources:
             self._sources[name] = _Source(self._node, name, partial(self._learn, name))
         source = self._sources[name]
-        if publisher not in source.publishers:  # what a node says at its start is hardly heard
-            source.publishers.add(publisher)
+        if publishers - source.publishers:  # what a node says at its start is hardly heard
             source.ask_anew()
+        source.publishers = publishers
 
     def _learn(self, name: str, values: Values) -> None:
         self.known[name] = self.known.get(name, {}) | values
@@ -91,11 +103,18 @@ class _Source:
     def __init__(self, node: Node, name: str, learn: Callable[[Values], None]) -> None:
         self.answered = False
         self.publishers: set[bytes] = set()
+        self._node = node
         self._list = node.create_client(ListParameters, f'{name}/list_parameters')
         self._get = node.create_client(GetParameters, f'{name}/get_parameters')
         self._learn = learn
         self._asked = -inf
         self._pending: tuple[Any, Future] | None = None
+
+    def end(self) -> None:
+        """Give up what was made to ask."""
+        self._drop()
+        for client in (self._list, self._get):
+            self._node.destroy_client(client)
 
     def ask_anew(self) -> None:
         """Forget what was answered, and what will be."""
@@ -144,7 +163,9 @@ def _values(parameters: Iterable[Any]) -> Values:
 
 
 def _python(value: Any) -> Any:
-    """Return the value as JSON has it: arrays and bytes as lists."""
+    """Return the value as JSON has it: arrays and bytes as lists; None for a type that is none."""
+    if value.type not in TYPES:  # rclpy raises for a message that anyone may send
+        return None
     plain = parameter_value_to_python(value)
     if isinstance(plain, (str, bool, int, float)) or plain is None:
         return plain

@@ -14,6 +14,8 @@ from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.history import ABOUT, History, PARAMETERS, read_history
 from nadrc_ros.records.recording import read_samples, SAMPLES
 from probe import Probe, Processes
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
@@ -100,6 +102,9 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     assert probe.trigger('recorder/reset').success
     mute.destroy_publisher(reference)
     mute.destroy_node()
+    probe.wait_until(
+        lambda: [source] == list(recorder._watch._sources)
+    )  # who is gone is forgotten
 
     first, second = the_run(directory, 0), the_run(directory, 1)
     rows = read_samples(first)
@@ -120,3 +125,20 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     assert read_history(second).parameters[source]['gain'] == 2.0
     assert not read_history(second).changes
     assert len((second / PARAMETERS).read_text().splitlines()) == 1
+
+
+def test_p16_a_parameter_event_of_a_type_that_does_not_exist_ends_nothing(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    directory = tmp_path / 'runs'
+    probe = make_probe(parameters={'recorder': {'directory': str(directory)}})
+    probe.node.declare_parameter('gain', 1.0)
+    recorder = probe.add(RecorderNode())
+    events = probe.node.create_publisher(ParameterEvent, '/parameter_events', 10)
+    probe.publisher('measurement')
+    source = f'{probe.namespace}/probe'
+    probe.wait_until(lambda: source in recorder._watch.known and events.get_subscription_count())
+    odd = ParameterMessage(name='gain', value=ParameterValue(type=77))
+    events.publish(ParameterEvent(node=source, changed_parameters=[odd]))
+    probe.wait_until(lambda: recorder._watch.known[source]['gain'] is None)
+    assert read_history(the_run(directory)).parameters[source]['gain'] is None
