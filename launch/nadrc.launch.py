@@ -43,8 +43,8 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 'use_sim_time',
-                default_value='false',
-                choices=['false', 'true'],
+                default_value='',
+                choices=['', 'false', 'true'],
                 description='whether all nodes take the time from /clock',
             ),
             OpaqueFunction(function=_nodes),
@@ -62,7 +62,9 @@ def _nodes(context: LaunchContext) -> list[Node]:
         raise ValueError(f'nodes = {given("nodes")!r}: must be some of {" ".join(NODES)}')
     if file and not Path(file).is_file():
         raise FileNotFoundError(f'params_file = {file!r}: there is no such file')
-    everywhere = {'use_sim_time': given('use_sim_time') == 'true'}
+    everywhere: dict[str, bool | float] = {}
+    if given('use_sim_time'):
+        everywhere['use_sim_time'] = given('use_sim_time') == 'true'
     if given('rate'):
         everywhere['rate'] = float(given('rate'))  # 200 is no 200.0 for ROS
     own = {'controller': {'structure': given('structure')} if given('structure') else {}}
@@ -72,7 +74,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
             executable=node,
             namespace=given('namespace'),
             name=node,
-            parameters=[*([file] if file else []), everywhere | own.get(node, {})],
+            parameters=[p for p in (file, everywhere | own.get(node, {})) if p],
             output='screen',
             on_exit=[Shutdown(reason='the controller ended')] if node == 'controller' else None,
         )

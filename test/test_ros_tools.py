@@ -89,6 +89,13 @@ def test_the_launch_file_declares_its_arguments_and_starts_our_nodes() -> None:
     called = [(ast.unparse(call.func), call) for call in calls]
     arguments = [ast.literal_eval(c.args[0]) for name, c in called if name.endswith('Argument')]
     assert arguments == ['namespace', 'nodes', 'params_file', 'structure', 'rate', 'use_sim_time']
+    preset = [
+        ast.literal_eval(call.args[0])
+        for name, call in called
+        for word in call.keywords
+        if word.arg == 'default_value' and ast.unparse(word.value) != repr('')
+    ]
+    assert preset == ['nodes']  # any other would overrule params_file
     read = {ast.literal_eval(call.args[0]) for name, call in called if name == 'given'}
     assert read == set(arguments)
     (nodes,) = (
