@@ -11,7 +11,7 @@ from nadrc_ros.adrc.errors import UserError
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-NAME = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+NAME = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]*')
 # What gives the namespace; of several rules the first one counts.
 NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
 # What one timer, and one way to be triggered, leave no choice in.
@@ -54,7 +54,7 @@ def axes_asked(arguments: Sequence[str]) -> list[str]:
     names: list[str] = parser.parse_args(remove_ros_args(list(arguments))[1:]).axes
     for name in names:
         if not NAME.fullmatch(name):
-            allowed = 'letters, digits and _, and no digit first'
+            allowed = 'letters, digits and single _, and no digit first'
             raise UserError(f'the axis {name!r} has no name to make a namespace of: {allowed}')
         if names.count(name) > 1:
             raise UserError(f'the axis {name!r} is there twice')

@@ -11,6 +11,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
@@ -20,7 +21,7 @@ from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import Beat, Ticker, Watch
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
-from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
 from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
 from nadrc_ros.records.replay import TraceWriter
@@ -326,6 +327,11 @@ class ControllerNode(LiveNode):
             self.trace.close()
             self._tell_if_trace_failed()
 
+    def discard(self) -> None:
+        """Leave nothing behind of a node that never ran."""
+        if self.trace is not None:
+            self.trace.discard()
+
     def await_delivery(self, seconds: float) -> None:
         """Wait until the last command has arrived."""
         self._command.await_delivery(seconds)
@@ -363,10 +369,23 @@ def _describe(mode: Mode, cause: Cause) -> str:
 
 
 def make_axes() -> list[ControllerNode]:
-    """Make one controller, or one for each axis that the command line names."""
+    """
+    Make one controller, or one for each axis that the command line names.
+
+    Raises
+    ------
+    UserError
+        Names the axis that cannot be; what the others began to write is gone.
+
+    """
     nodes: list[ControllerNode] = []
     for name in axes_asked(sys.argv):
-        nodes.append(ControllerNode(axis_namespace(name), nodes[0] if nodes else None))
+        try:
+            nodes.append(ControllerNode(axis_namespace(name), nodes[0] if nodes else None))
+        except BAD_START as error:
+            for node in nodes:
+                node.discard()
+            raise UserError(f'axis {name}: {error}') from error
     return nodes or [ControllerNode()]
 
 

@@ -68,6 +68,11 @@ class TraceWriter:
         """Close the file."""
         self._do(self._file.close)
 
+    def discard(self) -> None:
+        """Remove the file, which was made for a run that does not begin."""
+        self.close()
+        Path(self._file.name).unlink(missing_ok=True)
+
     def _write(self, record: dict[str, Any]) -> None:
         self._do(lambda: self._file.write(json.dumps(record) + '\n'))
 

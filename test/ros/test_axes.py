@@ -125,6 +125,7 @@ def test_p14_an_exception_on_one_axis_sends_all_of_them_to_their_safe_command(
     [
         (('x', '2nd'), {}, "'2nd'"),
         (('x', 'a/b'), {}, "'a/b'"),
+        (('x', 'a__b'), {}, "'a__b'"),
         (('x', 'y', 'x'), {}, "'x' is there twice"),
         (('x', 'y'), {'y_rate': 100.0}, 'rate is 50.0 for {}/x/controller and 100.0 for {}/y'),
         (('x', 'y'), {'y_trigger': 'measurement'}, 'trigger is timer for {}/x/controller'),
@@ -137,6 +138,16 @@ def test_axes_that_cannot_be_are_refused_in_one_line(
     assert process.end() == 1
     assert complaint.format(*[start.namespace] * 2) in process.said
     assert len(process.said.splitlines()) == 1, process.said
+
+
+def test_an_axis_that_is_refused_is_named_and_leaves_nothing_of_the_others(
+    start: Processes,
+) -> None:
+    trace = start.directory / 'x.jsonl'
+    process = run_axes(start, axes=('x', 'y'), x_trace=str(trace), y_inner_bandwidth=-1.0)
+    assert process.end() == 1
+    assert 'axis y: ' in process.said and 'inner_bandwidth' in process.said
+    assert not trace.exists()
 
 
 def test_what_an_axis_is_called_composes_with_the_namespace_of_the_command_line() -> None:
