@@ -38,6 +38,8 @@ STOP_TIME = 0.5
 # Without a limit the wait takes seconds with a live reader.
 LAST_WAIT = 0.1
 DESTROY_TIME = 0.2
+# From the signal to the end, where there is more to destroy; promised is 1 s.
+END_TIME = 0.8
 TEAR_DOWN_TIME = 2.0
 # RuntimeError is what rclpy makes of a malformed --params-file or --ros-args.
 BAD_START = (UserError, ParameterException, OSError, RuntimeError)
@@ -177,14 +179,14 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     code = 0
     try:
         spin_until(executor, nodes[0], lambda: signals or _over(nodes))
-        _begin_stop(nodes)
-        end = time.monotonic() + STOP_TIME
-        while not all(node.stopped for node in nodes) and time.monotonic() < end:
+        end = _begin_stop(nodes)
+        ramped = time.monotonic() + STOP_TIME
+        while not all(node.stopped for node in nodes) and time.monotonic() < ramped:
             spin_for(executor, 0.01)
     except Exception:
         nodes[0].get_logger().fatal('stopping after an error:\n' + traceback.format_exc())
         code = 1
-        _begin_stop(nodes)
+        end = _begin_stop(nodes)
     endings: list[Callable[[], None]] = [node.close for node in nodes]
     endings.append(partial(_await_delivery, nodes))
     for last in endings:
@@ -194,7 +196,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
             nodes[0].get_logger().fatal('while stopping:\n' + traceback.format_exc())
             code = 1
     code = 1 if any(node.failure for node in nodes) else code
-    _tear_down(executor, nodes, code)
+    _tear_down(executor, nodes, code, end)
     return code
 
 
@@ -216,9 +218,11 @@ def _become_realtime(nodes: Sequence[LiveNode]) -> None:
         node.scheduling = said
 
 
-def _begin_stop(nodes: Sequence[LiveNode]) -> None:
+def _begin_stop(nodes: Sequence[LiveNode]) -> float:
+    """Let all nodes begin to stop, and return when the process should have ended."""
     for node in nodes:
         node.begin_stop()
+    return time.monotonic() + END_TIME
 
 
 def _await_delivery(nodes: Sequence[LiveNode]) -> None:
@@ -227,18 +231,19 @@ def _await_delivery(nodes: Sequence[LiveNode]) -> None:
         node.await_delivery(max(0.0, end - time.monotonic()))
 
 
-def _tear_down(executor: Executor, nodes: Sequence[LiveNode], code: int) -> None:
+def _tear_down(executor: Executor, nodes: Sequence[LiveNode], code: int, end: float) -> None:
     """
     Destroy what the middleware holds; all that matters is sent and written by now.
 
     Fast DDS 2.14 can lock up in that, with the GIL held, when peers go at the same moment. The
     process ends then all the same, with exit code 1: this watchdog needs no GIL. And of many nodes
-    it destroys thousands of parts one by one: what is left after a while goes with the process.
+    it destroys thousands of parts one by one: what is left at ``end`` goes with the process, which
+    peers notice late, and its shared memory stays.
     """
     # Python gives a handler up on its way out, and one more signal would then end the process.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    end = time.monotonic() + DESTROY_TIME
+    end = max(end, time.monotonic() + DESTROY_TIME)
     with Path(os.devnull).open('w') as nowhere:
         faulthandler.dump_traceback_later(TEAR_DOWN_TIME, exit=True, file=nowhere)
         executor.shutdown(timeout_sec=0.0)

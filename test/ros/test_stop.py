@@ -50,6 +50,20 @@ class LockedUp(ControllerNode):
 
 raise SystemExit(run(LockedUp))
 """
+# As many nodes of one process take longer to destroy than one that is locked up may.
+MANY = """
+import time
+from nadrc_ros.nodes import runtime
+
+class Slow(runtime.LiveNode):
+    def destroy_node(self):
+        time.sleep(0.03)
+        super().destroy_node()
+        print('destroyed', flush=True)
+
+runtime.END_TIME = {time}
+raise SystemExit(runtime.run(lambda: [Slow(f'n{{i}}') for i in range(12)]))
+"""
 # Slack for a machine that has other things to do; promised is 1 s.
 SLACK = 3.0
 
@@ -139,6 +153,18 @@ def test_p14_a_middleware_that_locks_up_does_not_keep_the_process_alive(
     probe.wait_until(probe.said)
     controller.signal(signal.SIGINT)
     assert probe.end_of(controller) == 1
+
+
+@pytest.mark.parametrize(('seconds', 'all_of_them'), [(20.0, True), (0.0, False)])
+def test_p14_many_nodes_are_destroyed_as_far_as_there_is_time(
+    seconds: float, all_of_them: bool, probe: Probe, start: Processes
+) -> None:
+    arguments = ('--ros-args', '-r', f'__ns:={probe.namespace}')
+    process = start.run('many', '-c', MANY.format(time=seconds), *arguments)
+    probe.wait_until(lambda: 'n11' in probe.nodes())
+    process.signal(signal.SIGINT)
+    assert probe.end_of(process) == 0
+    assert (process.said.count('destroyed') == 12) == all_of_them, process.said
 
 
 def test_a_controller_that_is_silent_stays_so_when_it_is_retuned_and_stopped(
