@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from pathlib import Path
 
 from hypothesis import given, strategies
@@ -100,6 +101,13 @@ def test_settings_that_this_version_does_not_know_are_left_out(tmp_path: Path) -
     assert [(time, each.structure) for time, each in steps] == [(0.0, 'nested'), (2.0, 'cascade')]
     assert plant_gain(history) == [(0.0, 1.0)]
     assert controller_settings(History()) == []
+
+
+def test_a_parameter_that_is_no_number_and_stays_so_has_not_changed(tmp_path: Path) -> None:
+    for time in (None, 1.0, 2.0):
+        append_parameters(tmp_path, time, '/mine/driver', {'limit': nan, 'limits': [nan, 1.0]})
+    append_parameters(tmp_path, 3.0, '/mine/driver', {'limit': 1.0})
+    assert [change.name for change in read_history(tmp_path).changes] == ['limit']
 
 
 def test_changes_side_by_side_are_one_moment() -> None:

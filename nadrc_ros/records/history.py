@@ -78,7 +78,7 @@ def read_history(folder: Path) -> History:
         for name, value in values.items():
             if name not in known or time is None:
                 history.parameters.setdefault(node, {})[name] = value
-            elif value != known[name]:
+            elif repr(value) != repr(known[name]):  # nan is not equal to itself
                 history.changes.append(Change(time, node, name, known[name], value))
         known |= values
     return history
