@@ -1,8 +1,17 @@
-"""What `make soak` asks for: longer runs of the tests of promise 20, and more random cases."""
+"""
+What all tests need, and what `make soak` asks for.
+
+That is longer runs of the tests of promise 20, and more random cases.
+"""
+
+import os
 
 from hypothesis import settings
 import pytest
 
+# As the commands do, and before NumPy is imported: with threads of its own, which wait busily,
+# OpenBLAS takes ten times the CPU for small matrices as soon as the cores have other work.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 settings.register_profile('soak', max_examples=100_000, deadline=None)
 
 
