@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-SEEDS = 12
+SEEDS = 4
 LAG = """
 plant: {name: chain, order: 1, gain: 5, damping: 2, load: 1}
 reference: {signal: square, frequency: 1}
@@ -56,9 +56,10 @@ def test_nearly_all_intervals_hold_the_true_b0_and_are_narrow() -> None:
         cases[name] = cases[name].changed(rate=50.0)
     found, _ = study(cases, SEEDS, blind=1)
     for name, figures in found.items():
-        assert figures['covered'] >= 11 / 12, (name, figures)
+        assert figures['covered'] >= 3 / 4, (name, figures)
         assert figures['width'] < 0.2, (name, figures)
         assert figures['order'] == 1.0, (name, figures)
+    assert sum(figures['covered'] for figures in found.values()) * SEEDS >= 15
 
 
 @pytest.mark.parametrize('order', [1, 2, 3])
