@@ -23,10 +23,10 @@ import numpy as np
 
 T = TypeVar('T')
 Run = tuple[Experiment, ControllerSettings, int]
-# A task is long enough to make its way to another process not matter, some tenths of a second,
+# A task is long enough to make its way to another process not matter, about a tenth of a second,
 # and short enough to wait for.
 TASK_RUNS = 100
-TASK_PERIODS = {True: 400_000, False: 5_000}  # compiled, in plain Python
+TASK_PERIODS = {True: 100_000, False: 5_000}  # compiled, in plain Python
 # Tasks handed out at once: more than any cluster has workers, few enough to be held in memory.
 AHEAD = 512
 
@@ -119,11 +119,11 @@ def stream(
     """
     Yield ``function(*task)`` of each task in order, with a bounded number of them under way.
 
-    The first runs alone: what it compiles is then there for all. When the iterator is closed or
-    fails, tasks that were not begun are cancelled.
+    The first runs alone, except in threads: what it compiles is then there for all. When the
+    iterator is closed or fails, tasks that were not begun are cancelled.
     """
     pending: deque[Future[T]] = deque()
-    ahead = 1
+    ahead = AHEAD if isinstance(executor, ThreadPoolExecutor) else 1
     try:
         for task in tasks:
             pending.append(executor.submit(function, *task))
