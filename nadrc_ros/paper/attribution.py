@@ -22,7 +22,7 @@ from nadrc_ros.paper.section import Result, Section, Tell
 from nadrc_ros.paper.table1 import SCENARIOS
 from nadrc_ros.scenario import find_scenario, load, Scenario
 
-SEEDS, FEW_SEEDS = 32, 4
+SEEDS, FEW_SEEDS = 16, 4
 # Another set of seeds finds the best bandwidths, on a grid.
 SEARCH_SEEDS = range(2001, 2005)
 BANDWIDTHS = (5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0, 30.0)  # rad/s

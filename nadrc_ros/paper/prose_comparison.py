@@ -142,6 +142,7 @@ def fair(result: Result) -> Prose:
         for each in candidates.values()
     ]
     nested, rival = gains['nested_2'], gains['generalized']
+    seeds = result['seeds']
     less = [f'{100.0 * share:.0f}' for share in nested['noisy_reduction']]
     times = [f'{factor:.2g}' for factor in nested['clean_factor']]
     against = [f'{factor:.2g}' for factor in rival['clean_factor']]
@@ -153,7 +154,8 @@ def fair(result: Result) -> Prose:
             'best ones: those with the least ITAE, with noise or without, among all whose noisy '
             'run spends at most a given integral of u². The feedback is linear, '
             'and everybody knows the derivatives of the reference. The tuned '
-            f'designs are run here with {result["seeds"]} seeds that the tuning never saw.'
+            f'designs are run here with {seeds["noisy"]} seeds that the tuning never saw, '
+            f'{seeds["clean"]} where noise counts for the effort only.'
         ),
         captions={'fair': 'Each point is a design of its own, the best for its budget.'},
         after=paragraph('ITAE with noise:')
