@@ -136,7 +136,7 @@ def test_ctrl_c_on_a_terminal_is_no_matter_of_the_processes() -> None:
     assert process.stdout is not None
     assert process.stdout.readline() == 'going\n'
     os.killpg(process.pid, signal.SIGINT)
-    out, errors = process.communicate(timeout=60.0)
+    out, errors = process.communicate(timeout=300.0)
     assert (process.returncode, errors) == (0, '')
     assert 0 < int(out.split()[-1]) < 1000
 

@@ -87,6 +87,7 @@ def test_a_number_out_of_tolerance_fails_the_command(
 ) -> None:
     results = json.loads((out / 'paper.json').read_text())
     monkeypatch.setattr(run, 'measure', lambda *arguments: results)
+    monkeypatch.setattr(run, 'files', lambda *arguments: {'index.html': b'the article'})
     monkeypatch.setattr(run, 'violations', lambda *arguments: ['bounds: |e1| is off', 'b', 'c'])
     done = CliRunner().invoke(app, ['paper', '--out', str(tmp_path)])
     assert done.exit_code == 1
