@@ -6,10 +6,11 @@ help answers at once. Two habits are left out for the typer of Ubuntu 24.04: it 
 and behind `from __future__ import annotations` it does not see the descriptions of the options.
 """
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.design import design
+from nadrc_ros.cli.failure import reporting
 from nadrc_ros.cli.identify import identify
 from nadrc_ros.cli.paper import paper
 from nadrc_ros.cli.report import report
@@ -18,10 +19,23 @@ from nadrc_ros.cli.summarise import summarise
 from nadrc_ros.cli.sweep import sweep
 from nadrc_ros.cli.tune import tune
 import typer
+from typer.core import TyperGroup
 
 COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise, paper)
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+
+class _Commands(TyperGroup):
+    """Ends an interrupted command as such, wherever in it the interrupt came."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was asked for."""
+        with reporting():
+            return super().invoke(ctx)
+
+
+app = typer.Typer(
+    cls=_Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+)
 for _command in COMMANDS:
     app.command()(_command)
 
