@@ -21,7 +21,7 @@ from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidat
 from nadrc_ros.tuning.design.experiment import expect, experiment
 from nadrc_ros.tuning.design.first_design import first_design
 from nadrc_ros.tuning.design.limits import check, noise_budget
-from nadrc_ros.tuning.design.prediction import curves
+from nadrc_ros.tuning.design.prediction import curves, predict
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 from nadrc_ros.tuning.design.responses import settling_time, step_response
 import numpy as np
@@ -201,6 +201,29 @@ def test_a_conflict_is_named_and_what_it_says_is_possible_is(
         check(attrs.evolve(asked, settling_time=0.98 * possible))
 
 
+@pytest.mark.parametrize(
+    ('values', 'said'),
+    [
+        ({'disturbance_frequency': 1600.0}, 'disturbance_frequency = 1600 rad/s cannot be seen'),
+        ({'settling_time': 1e5}, 'settling_time = 100000 s takes bandwidths'),
+        ({'settling_time': 1e-3, 'rate': 1e5}, 'settling_time = 0.001 s takes wc'),
+    ],
+)
+def test_what_no_setting_or_sample_can_hold_is_refused(values: dict[str, Any], said: str) -> None:
+    with pytest.raises(Conflict, match=said):
+        check(wanted(**values))
+
+
+def test_a_slow_loop_at_a_high_rate_is_predicted_as_a_fast_one() -> None:
+    """Time counts in settling times: the integral of |y| goes with its cube for order 2."""
+    fast, slow = (
+        predict(single(asked).settings, asked)
+        for asked in (wanted(noise_std=0.0), wanted(noise_std=0.0, settling_time=400.0))
+    )
+    assert slow.settling_time == pytest.approx(400.0, rel=1e-3)
+    assert slow.error / fast.error == pytest.approx(800.0**3, rel=0.02)
+
+
 def test_noise_that_would_fill_the_range_of_the_command_is_refused() -> None:
     with pytest.raises(Conflict, match='command_limit = 1, of which noise may take a third'):
         check(attrs.evolve(USUAL, command_limit=1.0))
@@ -219,6 +242,7 @@ def test_a_step_that_saturates_the_command_is_warned_of() -> None:
     asked = Requirements(settling_time=0.5, rate=500.0, reference_step=0.5, b0=0.5)
     assert 'command of 136.2, more than command_limit = 100' in first_design(asked).warning
     assert not first_design(attrs.evolve(asked, reference_step=0.3)).warning
+    assert 'no controller holds' in first_design(attrs.evolve(asked, disturbance=60.0)).warning
 
 
 def test_numbers_for_people() -> None:

@@ -22,8 +22,10 @@ from nadrc_ros.tuning.design.limits import (
     check,
     largest,
     LIMITS,
+    MOST,
     MOST_PER_PERIOD,
     noise_gain,
+    SLOWEST_SHARE,
     Test,
 )
 from nadrc_ros.tuning.design.prediction import nominal_loop, predict, Prediction, rejection
@@ -108,6 +110,8 @@ def single(wanted: Requirements) -> Candidate:
     wc = float(f'{controller_bandwidth(wanted.order, wanted.settling_time, wanted.period):.4g}')
     ratio = FASTEST if wanted.command_noise > 0.0 else USUAL
     w, decided_by = ratio * wc, 'the rule of thumb'
+    if w > MOST:
+        w, decided_by = MOST, 'the range of the settings'
 
     def holding(test: Test) -> Callable[[float], bool]:
         return lambda v: test(make_design(settings_of(wanted, 'conventional', 1, wc, v)), wanted)
@@ -134,7 +138,9 @@ def equally_noisy(
         gain = noise_gain(design, wanted)
         return float(np.log(gain / target)) if gain < inf else 1e3
 
-    low, high = 0.3 * wc, MOST_PER_PERIOD * wanted.rate
+    low, high = SLOWEST_SHARE * wc, min(MOST_PER_PERIOD * wanted.rate, MOST)
+    if structure == 'cascade':  # its last level is that many times as fast
+        high = min(high, MOST / 2.0 ** (levels - 1))
     if excess(low) > 0.0 or excess(high) < 0.0:
         return None
     w = float(optimize.brentq(excess, low, high, rtol=1e-9))

@@ -61,8 +61,14 @@ class FirstDesign:
 
     @property
     def warning(self) -> str:
-        """Say that the step of the reference saturates the command, nothing if it does not."""
+        """Say that disturbance or reference saturate the command, nothing if they do not."""
         wanted, gain = self.wanted, make_design(self.chosen.settings).feedback_gains[0]
+        needed = abs(wanted.disturbance / wanted.b0)
+        if needed >= wanted.command_limit and wanted.disturbance_frequency == 0.0:
+            return (
+                f'a disturbance of {wanted.disturbance:g} takes a command of {needed:.4g}, and '
+                f'command_limit = {wanted.command_limit:g}: no controller holds the output'
+            )
         peak = gain * abs(wanted.reference_step / wanted.b0)
         if peak <= wanted.command_limit:
             return ''

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, floor, log10
+from math import ceil, floor, log10, pi
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.theory.loop import chain, loop_growth
 from nadrc_ros.adrc.theory.margins import margins
 from nadrc_ros.adrc.theory.noise import command_variance
@@ -23,6 +25,11 @@ DELAY_SHARE = 0.5
 DEVIATIONS = 3.0
 LONGEST = 1e3  # times the settling time asked for, up to which a possible one is sought
 BISECTIONS = 25
+# Bandwidths that the settings hold, and the controller's whose observers they hold too.
+SPAN = declared(ControllerSettings)['inner_bandwidth']
+LEAST, MOST = float(SPAN.low or 0.0), float(SPAN.high or 0.0)
+SLOWEST_SHARE = 0.3  # of wc, below which no observer is sought
+SLOWEST_WC, FASTEST_WC = 1.01 * LEAST / SLOWEST_SHARE, MOST / SLOWEST
 
 Test = Callable[[Design, Requirements], bool]
 
@@ -84,6 +91,18 @@ def check(wanted: Requirements) -> None:
         Names the requirements, the numbers, and what would be possible.
 
     """
+    longest = settling_factor(wanted.order) / SLOWEST_WC
+    if wanted.settling_time > longest:
+        raise Conflict(
+            f'settling_time = {wanted.settling_time:g} s takes bandwidths below those that the '
+            f'settings hold; possible: up to {longest:.4g} s, or another unit of time'
+        )
+    fastest = pi * wanted.rate
+    if wanted.disturbance_frequency >= fastest:
+        raise Conflict(
+            f'disturbance_frequency = {wanted.disturbance_frequency:g} rad/s cannot be seen at '
+            f'rate = {wanted.rate:g} Hz; possible: below {fastest:.4g} rad/s, half the rate'
+        )
     complaint = _conflict(wanted)
     if complaint:
         raise Conflict(f'{complaint}; possible: {_slower(wanted)}')
@@ -100,6 +119,8 @@ def _conflict(wanted: Requirements) -> str:
             f'{least:.4g} rad/s, and 0.3 rate = {most:.4g} rad/s is the most'
         )
     wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
+    if wc > FASTEST_WC:
+        return f'{asked} takes wc = {wc:.4g} rad/s: {FASTEST_WC:.4g} is what the settings hold'
     design = make_design(settings_of(wanted, 'conventional', 1, wc, SLOWEST * wc))
     if not robust_enough(design, wanted):
         bears = margins(design, chain(wanted.order, wanted.b0), wanted.period).delay
@@ -126,7 +147,7 @@ def _slower(wanted: Requirements) -> str:
         return bool(_conflict(attrs.evolve(wanted, settling_time=settling)))
 
     low = wanted.settling_time
-    high = low * LONGEST
+    high = min(low * LONGEST, settling_factor(wanted.order) / SLOWEST_WC)
     if fails(high):
         return f'no settling time up to {high:g} s'
     shortest = largest(fails, low, high)

@@ -14,7 +14,7 @@ from nadrc_ros.adrc.theory.transfer import total_disturbance
 from nadrc_ros.tuning.design.bandwidths import BAND
 from nadrc_ros.tuning.design.limits import noise_gain
 from nadrc_ros.tuning.design.requirements import Requirements
-from nadrc_ros.tuning.design.responses import settling_time, step_response
+from nadrc_ros.tuning.design.responses import settling_time, step_response, thinned
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -54,12 +54,11 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
     """Return the figures of a stable loop with these settings."""
     design = make_design(settings)
     loop = nominal_loop(design, wanted)
+    reference = thinned(pick(loop, [REFERENCE], [OUTPUT]))
     return Prediction(
         command_noise=noise_gain(design, wanted) * wanted.noise_std,
         error=disturbance_error(loop, wanted),
-        settling_time=settling_time(
-            step_response(pick(loop, [REFERENCE], [OUTPUT])), wanted.period, BAND
-        ),
+        settling_time=settling_time(step_response(reference), reference.h, BAND),
         margins=margins(design, _plant(wanted), wanted.period, wanted.delay),
         input_gain_margin=1.0 / h_infinity_norm(total_disturbance(design, wanted.period)),
     )
@@ -75,8 +74,9 @@ def disturbance_error(loop: StateSpace, wanted: Requirements) -> float:
     if wanted.disturbance_frequency > 0.0:
         band = wanted.disturbance_frequency * np.geomspace(0.01, 1.0, BAND_POINTS)
         return wanted.disturbance * float(rejection(loop, wanted, band).max())
-    left = step_response(pick(loop, [LOAD], [OUTPUT])) / wanted.b0
-    return wanted.disturbance * float(np.abs(left).sum()) * wanted.period
+    load = thinned(pick(loop, [LOAD], [OUTPUT]))
+    left = step_response(load) / wanted.b0
+    return wanted.disturbance * float(np.abs(left).sum()) * load.h
 
 
 def rejection(loop: StateSpace, wanted: Requirements, omega: ArrayLike) -> Array:

@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import ceil, inf
 
 from nadrc_ros.adrc.theory.system import Array, growth, StateSpace
 import numpy as np
 
-# A response is followed until it has decayed to this share, at most for that many periods.
+# A response is followed until it has decayed to this share.
 DECAYED = 1e-9
-LONGEST = 200_000
+# Of one that takes more periods every m-th is enough.
+LONGEST = 20_000
+
+
+def thinned(system: StateSpace) -> StateSpace:
+    """Return a stable discrete system every m-th period, its input held, with a period m h."""
+    m = ceil(_steps(system) / LONGEST)
+    n, inputs = system.b.shape
+    block = np.block([[system.a, system.b], [np.zeros((inputs, n)), np.eye(inputs)]])
+    power = np.linalg.matrix_power(block, m)
+    return system._replace(a=power[:n, :n], b=power[:n, n:], h=m * system.h)
+
+
+def _steps(system: StateSpace) -> float:
+    return float(np.log(DECAYED) / np.log(max(growth(system), 1e-3)))
 
 
 def step_response(system: StateSpace) -> Array:
     """
     Return the first output after a step of the first input, at t_0, t_1, ..., until it rests.
+
+    Of slow systems take :func:`thinned` first.
 
     Raises
     ------
@@ -22,10 +38,9 @@ def step_response(system: StateSpace) -> Array:
         For an unstable or continuous system.
 
     """
-    rate = growth(system)
-    if system.h <= 0.0 or rate >= 1.0:
+    if system.h <= 0.0 or growth(system) >= 1.0:
         raise ValueError('a stable discrete system is needed')
-    steps = int(min(np.log(DECAYED) / np.log(max(rate, 1e-3)), LONGEST)) + len(system.a) + 2
+    steps = int(_steps(system)) + len(system.a) + 2
     a, b, c, d = system.a, system.b[:, 0], system.c[0], system.d[0, 0]
     x, response = np.zeros(len(a)), np.empty(steps)
     for k in range(steps):
