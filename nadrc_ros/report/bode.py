@@ -92,9 +92,10 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
 
 
 def unwrapped(loop: Loop) -> Array:
-    """Return the phase of L [degrees], continuous, from -180 minus at most 360 at the low end."""
+    """Return the phase of L [degrees], continuous, nearest to -180 at the crossover."""
     angle = np.unwrap(np.angle(loop.loop))
-    return np.asarray(np.degrees(angle - 2.0 * pi * np.ceil(angle[0] / (2.0 * pi))))
+    at = float(np.interp(loop.crossover, loop.omega, angle))
+    return np.asarray(np.degrees(angle - 2.0 * pi * round((at + pi) / (2.0 * pi))))
 
 
 def critical(loop: Loop) -> list[tuple[float, float]]:
