@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads, Scenario
+from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.many import run_metrics
 from nadrc_ros.tuning.search.front import choose, front, knee, Point
 from nadrc_ros.tuning.search.score import Figures, Judge, Score, with_gain
@@ -153,6 +154,25 @@ def test_the_worst_corner_counts() -> None:
 def test_every_constraint_can_fail_a_design(tuning: dict[str, Any], name: str) -> None:
     score = judge(seeds=2, **tuning).score({'inner_bandwidth': 8.0})
     assert score.violations.keys() == {name} and score.violations[name] > 0.0
+
+
+def test_a_known_delay_counts_in_the_margins() -> None:
+    late = MeasurementFault(kind='delayed', time=0.01)
+    for fault, lost in ((late, 0.01), (attrs.evolve(late, duration=0.1), 0.0)):
+        delayed = scenario(faults=Faults(measurement=(fault,)))
+        margins = Judge(delayed, 'nested', settings_from({}), compiled=False).margins(SETTINGS)
+        assert margins.delay == pytest.approx(judge().margins(SETTINGS).delay - lost)
+
+
+def test_a_negative_b0_can_vary(tmp_path: Path) -> None:
+    plant = attrs.evolve(loads(SCENARIO).plant, values={'order': 1, 'gain': -2.0})
+    one = Judge(scenario(plant=plant), 'nested', settings_from({}), compiled=False)
+    values = {'b0': (-4.0, -1.0)}
+    one.settings = attrs.evolve(one.settings, b0=-2.0)
+    one.tuning = settings_from({'vary': values, 'population': 4, 'trials': 20, 'seeds': 1})
+    varied = variables(one.settings, values, 50.0, 1.0, 0.3)
+    trials = found(TuningStudy(one, varied, open_storage(str(tmp_path / 's')), 'nested'))
+    assert all(-4.0 <= trial.values['b0'] <= -1.0 for trial in trials)
 
 
 def test_a_design_within_the_peak_runs_as_if_there_were_none() -> None:

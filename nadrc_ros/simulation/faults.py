@@ -205,6 +205,16 @@ class Faults:
     measurement: tuple[MeasurementFault, ...] = ()
     command: tuple[CommandFault, ...] = ()
 
+    @property
+    def delay(self) -> float:
+        """Return the dead time [s] of every measurement from start to end."""
+        return sum(
+            fault.time
+            for fault in self.measurement
+            if fault.kind == 'delayed'
+            and (fault.start, fault.duration, fault.probability) == (0.0, 0.0, 1.0)
+        )
+
 
 class Injector:
     """

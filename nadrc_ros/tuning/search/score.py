@@ -137,13 +137,13 @@ class Judge:
         }
 
     def margins(self, settings: ControllerSettings) -> Margins:
-        """Return the margins of the loop with the chain of integrators of the nominal b0."""
+        """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
         plant = self.corners[0].experiment.plant
         return margins(
             make_design(settings),
             chain(plant.order, plant.b0),
             1.0 / self.scenario.rate,
-            0.0,
+            self.scenario.faults.delay,
             GRID,
         )
 

@@ -147,6 +147,9 @@ class TuningStudy:
         for i, score in enumerate(stream(executor, evaluate, tasks)):
             tell(len(history) + i + 1, best)
             _note(asked[i], score, self.worker)
+            if not self.tuning.budget:  # with one, _values says it, and CMA-ES knows no other way
+                for name, violation in score.violations.items():
+                    asked[i].set_constraint(name, violation)
             memory.tell(asked[i], _values(score, self.tuning.budget))
         finished = memory.get_trials(deepcopy=False)[len(history) :]
         self.stored.add_trials(finished[begun:])
@@ -230,7 +233,7 @@ def _distribution(variable: Variable, method: str) -> BaseDistribution:
         if method == 'nsga2':
             return CategoricalDistribution(range(low, high + 1))
         return IntDistribution(low, high)
-    return FloatDistribution(variable.low, variable.high, log=True)
+    return FloatDistribution(variable.low, variable.high, log=variable.low > 0.0)
 
 
 def _typed(variable: Variable, value: float) -> float:
@@ -240,8 +243,6 @@ def _typed(variable: Variable, value: float) -> float:
 def _note(trial: optuna.Trial, score: Score, worker: int) -> None:
     trial.set_user_attr('worker', worker)
     trial.set_user_attr('score', attrs.asdict(score))
-    for name, violation in score.violations.items():
-        trial.set_constraint(name, violation)
 
 
 def _trial(trial: FrozenTrial) -> Trial:

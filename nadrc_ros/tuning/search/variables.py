@@ -60,7 +60,7 @@ def variables(
     """
     Return what varies: ``wanted`` by name, with a range or (), or else the defaults.
 
-    All but the level that feeds the law varies on a logarithmic scale.
+    All but the level that feeds the law, and negative numbers, varies on a logarithmic scale.
 
     Raises
     ------
