@@ -36,7 +36,7 @@ def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
     done = nadrc('identify', run, '--order', 1, '--b0', 12, *options)
     assert done.exit_code == 0, done.output
     assert 'b0 = 12 is 2.39 times too large: worth a change.' in done.output
-    assert 'Observer bandwidth: up to' in done.output
+    assert 'Observer bandwidth: up to' in done.output and 'It is stable for b / b0' in done.output
     figures = json.loads(files[2].read_text())
     assert figures['b0']['low'] < 5.0 < figures['b0']['high']
     ((node, content),) = yaml.safe_load(files[0].read_text()).items()
@@ -83,6 +83,8 @@ def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path:
         done = nadrc('identify', path, '--out', out)
         assert done.exit_code == 1 and str(path) in done.output
         assert len(done.output.splitlines()) == 1 and not out.exists()
+    for b0 in (0, 'nan'):
+        assert 'nadrc: b0 = ' in nadrc('identify', run, '--b0', b0).output
     assert nadrc('identify', run, '--order', 7).exit_code == 2
     assert nadrc('identify', run, '--namespace', 'x').exit_code == 1
     done = nadrc('identify', run, '--order', 1, '--out', tmp_path / 'no' / 'p.yaml')

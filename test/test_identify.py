@@ -105,7 +105,21 @@ def test_a_command_that_comes_late_is_seen_as_that(lag: RecordedRun) -> None:
     assert plant.late == 'delay' and plant.lateness is not None
     assert plant.lateness.value == pytest.approx(0.07, abs=5e-3)
     assert plant.b0.value == pytest.approx(5.0, rel=0.02)
-    assert advise(plant, log_of(lag)).limit == 'lateness'
+    advice = advise(plant, log_of(lag))
+    assert advice.limit == 'lateness'
+    scenario = scenario_of(plant, log_of(lag), advice.settings)
+    assert scenario.faults.delay == pytest.approx(0.07, abs=5e-3)
+    assert scenario.run('identified').status_counts['no_measurement'] == 7
+
+
+def test_limits_stay_of_the_sign_that_the_command_had(lag: RecordedRun) -> None:
+    log = log_of(lag)
+    plant = identify(log, 1)
+    for shift, low, high in ((1e4, 0.0, 2e4), (-1e4, -2e4, 0.0)):
+        heater = attrs.evolve(log, command=0.1 * log.command + shift)
+        found = scenario_of(plant, heater, advise(plant, heater).settings).controllers
+        assert found['identified'].command_min == pytest.approx(low, rel=1e-3)
+        assert found['identified'].command_max == pytest.approx(high, rel=1e-3)
 
 
 def test_lost_rows_are_filled_in_and_change_little(lag: RecordedRun) -> None:

@@ -1,9 +1,11 @@
 """`nadrc identify`: the plant behind a recorded run."""
 
 # ruff: noqa: UP045
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
+from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli.failure import complain, reporting
 import typer
 
@@ -12,7 +14,9 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.identification.estimate import Estimate
     from nadrc_ros.tuning.identification.identify import Plant
 
-TOLERABLE = 2.0  # a b0 that is off by more is worth a new one
+# A b0 that is off by more, or by more than half of the gain margin (of its decibels), is worth a
+# new one.
+TOLERABLE = 2.0
 
 
 def identify(
@@ -52,6 +56,9 @@ def identify(
     Example: nadrc identify runs/20260101-120000 --scenario mine.yaml
     """
     named = {'measurement': measurement, 'command': command, 'reference': reference}
+    with reporting():
+        if b0 is not None:
+            ControllerSettings(b0=b0)  # refuses what cannot be one
     with reporting(str(run)):
         from nadrc_ros.records.recorded_run import read_run
         from nadrc_ros.scenario.files import dump
@@ -107,6 +114,10 @@ def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str
         'configured_b0': b0,
         'bandwidth_allowed_by': advice.bandwidths,
         'inner_bandwidth': advice.settings.inner_bandwidth,
+        'margins': {
+            name: value if isfinite(value) else None
+            for name, value in advice.margins._asdict().items()
+        },
     }
 
 
@@ -156,7 +167,7 @@ def _interval(estimate: 'Estimate', scale: float = 1.0) -> str:
 
 
 def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]:
-    lines = [] if b0 is None else [_compared(plant, b0)]
+    lines = [] if b0 is None else [_compared(plant, advice, b0)]
     shown = ', '.join(f'{rule} {w:g}' for rule, w in advice.bandwidths.items())
     best = advice.settings
     lines.append(
@@ -167,10 +178,16 @@ def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]
         f'A start: b0 {best.b0:g}, inner_bandwidth {best.inner_bandwidth:g}, outer_bandwidth '
         f'{best.outer_bandwidth:g}, controller_bandwidth {best.controller_bandwidth:g}.'
     )
+    margins = advice.margins
+    lines.append(
+        f'It is stable for b / b0 from {margins.gain_low:.2f} to {margins.gain_high:.3g}, and '
+        f'with {1e3 * margins.delay:.3g} ms of more delay; its distance from -1 is '
+        f'{margins.modulus:.2f}.'
+    )
     return lines
 
 
-def _compared(plant: 'Plant', b0: float) -> str:
+def _compared(plant: 'Plant', advice: 'Advice', b0: float) -> str:
     found = plant.b0
     if b0 * found.value <= 0.0:
         return f'b0 = {b0:g} has the WRONG SIGN: a loop with it runs away.'
@@ -178,5 +195,7 @@ def _compared(plant: 'Plant', b0: float) -> str:
         return f'b0 = {b0:g} agrees with the log.'
     ratio = b0 / found.value
     factor, way = (ratio, 'large') if ratio > 1.0 else (1.0 / ratio, 'small')
-    worth = 'worth a change' if factor > TOLERABLE else 'tolerable'
+    margins = advice.margins
+    inside = margins.gain_low**0.5 <= 1.0 / ratio <= margins.gain_high**0.5
+    worth = 'tolerable' if inside and factor <= TOLERABLE else 'worth a change'
     return f'b0 = {b0:g} is {factor:.2f} times too {way}: {worth}.'

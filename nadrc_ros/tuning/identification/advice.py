@@ -19,9 +19,12 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.theory.loop import chain
+from nadrc_ros.adrc.theory.margins import Margins, margins
 from nadrc_ros.adrc.theory.noise import command_variance
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
+from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.tuning.identification.identify import Plant
@@ -46,10 +49,15 @@ NAME = 'identified'
 
 @attrs.frozen(kw_only=True)
 class Advice:
-    """Observer bandwidths [rad/s] that each rule allows, and settings with the smallest."""
+    """
+    Observer bandwidths [rad/s] that each rule allows, settings with the smallest, their margins.
+
+    The margins are those of a chain with the b0 and the lateness found; a lag counts as a delay.
+    """
 
     bandwidths: dict[str, float]
     settings: ControllerSettings
+    margins: Margins
 
     @property
     def limit(self) -> str:
@@ -59,7 +67,9 @@ class Advice:
 
 def advise(plant: Plant, log: Log) -> Advice:
     """Return what the noise, the rate and the lateness of an identified plant allow."""
-    low, high = rounded(float(log.command.min())), rounded(float(log.command.max()))
+    low, high = float(log.command.min()), float(log.command.max())
+    if rounded(low) < rounded(high):
+        low, high = rounded(low), rounded(high)
     bandwidths = {'rate': LARGEST_W_H / plant.period}
     if plant.lateness and plant.lateness.value > 0.0:
         bandwidths['lateness'] = LARGEST_W_LATE / plant.lateness.value
@@ -75,7 +85,15 @@ def advise(plant: Plant, log: Log) -> Advice:
     if quiet < highest:
         bandwidths['noise'] = quiet
     found = {rule: rounded(value, 3) for rule, value in bandwidths.items()}
-    return Advice(bandwidths=found, settings=_with_bandwidth(settings, min(found.values())))
+    settings = _with_bandwidth(settings, min(found.values()))
+    late = plant.lateness.value if plant.lateness else 0.0
+    return Advice(
+        bandwidths=found,
+        settings=settings,
+        margins=margins(
+            make_design(settings), chain(plant.order, settings.b0), plant.period, late
+        ),
+    )
 
 
 def scenario_of(plant: Plant, log: Log, settings: ControllerSettings) -> Scenario:
@@ -83,9 +101,11 @@ def scenario_of(plant: Plant, log: Log, settings: ControllerSettings) -> Scenari
     Return a scenario with the identified chain, from which `nadrc tune` and `simulate` go on.
 
     The reference is the dominant sine of the recorded one, the disturbance that of what b0 and the
-    damping leave unexplained. The command may be twice as large as it was in the log.
+    damping leave unexplained. A delay or lag becomes a delay of the measurement, in whole periods.
+    The command may be twice as large as it was in the log, of a sign that it had.
     """
-    room = 2.0 * max(abs(settings.command_min), abs(settings.command_max))
+    low, high = settings.command_min, settings.command_max
+    room = 2.0 * max(abs(low), abs(high))
     reference = log.reference if plant.instruments else log.measurement
     mean, size, frequency = (rounded(v) for v in dominant_sine(reference, log.h))
     unknown, pull, pace = (rounded(v) for v in dominant_sine(disturbance(plant, log), log.h))
@@ -110,8 +130,23 @@ def scenario_of(plant: Plant, log: Log, settings: ControllerSettings) -> Scenari
         noise=Noise(variance=rounded(plant.noise**2), seed=1),
         rate=rounded(1.0 / plant.period),
         duration=rounded(min(max(len(log.command) * log.h, 1.0), 60.0)),
-        controllers={NAME: attrs.evolve(settings, command_min=-room, command_max=room)},
+        faults=_late(plant),
+        controllers={
+            NAME: attrs.evolve(
+                settings,
+                command_min=0.0 if low >= 0.0 else -room,
+                command_max=0.0 if high <= 0.0 else room,
+            )
+        },
     )
+
+
+def _late(plant: Plant) -> Faults:
+    """Return what delays the loop as the plant was found to: half a period and more counts."""
+    late = plant.lateness.value if plant.lateness else 0.0
+    if late < 0.5 * plant.period:
+        return Faults()
+    return Faults(measurement=(MeasurementFault(kind='delayed', time=rounded(late)),))
 
 
 def disturbance(plant: Plant, log: Log) -> Array:
