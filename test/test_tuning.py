@@ -157,11 +157,11 @@ def test_every_constraint_can_fail_a_design(tuning: dict[str, Any], name: str) -
 
 
 def test_a_known_delay_counts_in_the_margins() -> None:
-    late = MeasurementFault(kind='delayed', time=0.01)
-    for fault, lost in ((late, 0.01), (attrs.evolve(late, duration=0.1), 0.0)):
+    own, late = judge(), MeasurementFault(kind='delayed', time=0.04)
+    for fault, lost in ((late, 0.04), (attrs.evolve(late, duration=0.1), 0.0)):
         delayed = scenario(faults=Faults(measurement=(fault,)))
-        margins = Judge(delayed, 'nested', settings_from({}), compiled=False).margins(SETTINGS)
-        assert margins.delay == pytest.approx(judge().margins(SETTINGS).delay - lost)
+        found = Judge(delayed, 'nested', settings_from({}), compiled=False).margins(own.settings)
+        assert found.delay == pytest.approx(own.margins(own.settings).delay - lost)
 
 
 def test_a_negative_b0_can_vary(tmp_path: Path) -> None:

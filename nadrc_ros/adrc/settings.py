@@ -74,8 +74,8 @@ class ControllerSettings:
         0.5,
         1.0,
         '',
-        'share of the observer gains that acts; 0.5 = half-gain tuning: the same rejection with '
-        'less noise, for some of the upper gain margin',
+        'share of the observer gains that acts; 0.5 = half-gain tuning: nearly the same rejection '
+        'with less noise, for some of the upper gain margin',
     )
     startup_time: float = number(
         0.0,
