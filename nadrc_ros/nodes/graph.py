@@ -16,6 +16,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
+from nadrc_ros.nodes.runtime import LOCKED_UP
 from nadrc_ros.nodes.topics import reference_topics
 from nadrc_ros.records.recording import ESTIMATES
 from nadrc_ros.scenario import Scenario
@@ -174,7 +175,7 @@ class Loop:
     def failure(self) -> str:
         """Return which node ended in failure and what it said last, empty if none did."""
         for node, process in self.processes.items():
-            if process.poll() not in (None, 0):
+            if process.poll() not in (None, 0, LOCKED_UP):
                 lines = self.log(node).read_text(encoding='utf-8', errors='replace').splitlines()
                 said = lines[-1] if lines else 'it printed nothing'
                 return f'/{self.name}/{node} ended with exit code {process.returncode}: {said}'

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import faulthandler
 from functools import partial
 import gc
 import os
-from pathlib import Path
 import signal
 import sys
 import time
@@ -41,6 +39,8 @@ DESTROY_TIME = 0.2
 # From the signal to the end, where there is more to destroy; promised is 1 s.
 END_TIME = 0.8
 TEAR_DOWN_TIME = 2.0
+# Exit code, as subprocess gives it, of a node that had done all and then locked up.
+LOCKED_UP = -signal.SIGALRM
 # RuntimeError is what rclpy makes of a malformed --params-file or --ros-args.
 BAD_START = (UserError, ParameterException, OSError, RuntimeError)
 
@@ -236,20 +236,20 @@ def _tear_down(executor: Executor, nodes: Sequence[LiveNode], code: int, end: fl
     Destroy what the middleware holds; all that matters is sent and written by now.
 
     Fast DDS 2.14 can lock up in that, with the GIL held, when peers go at the same moment. The
-    process ends then all the same, with exit code 1: this watchdog needs no GIL. And of many nodes
-    it destroys thousands of parts one by one: what is left at ``end`` goes with the process, which
-    peers notice late, and its shared memory stays.
+    process ends then all the same, by SIGALRM, which needs no GIL and looks like no failure of
+    ours. And of many nodes it destroys thousands of parts one by one: what is left at ``end`` goes
+    with the process, which peers notice late, and its shared memory stays.
     """
     # Python gives a handler up on its way out, and one more signal would then end the process.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     end = max(end, time.monotonic() + DESTROY_TIME)
-    with Path(os.devnull).open('w') as nowhere:
-        faulthandler.dump_traceback_later(TEAR_DOWN_TIME, exit=True, file=nowhere)
-        executor.shutdown(timeout_sec=0.0)
-        for node in nodes:
-            if time.monotonic() > end:
-                os._exit(code)
-            node.destroy_node()
-        rclpy.try_shutdown()
-        faulthandler.cancel_dump_traceback_later()
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, TEAR_DOWN_TIME)
+    executor.shutdown(timeout_sec=0.0)
+    for node in nodes:
+        if time.monotonic() > end:
+            os._exit(code)
+        node.destroy_node()
+    rclpy.try_shutdown()
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
