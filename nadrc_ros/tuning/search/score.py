@@ -13,6 +13,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.margins import Margins, margins
+from nadrc_ros.adrc.theory.system import StateSpace, zero_order_hold
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.user_plant import blame
 from nadrc_ros.simulation.experiment import Experiment
@@ -92,6 +93,7 @@ class Judge:
         count = tuning.seeds if scenario.noise.variance > 0.0 else 1
         self.seeds = range(FIRST_SEED, FIRST_SEED + count)
         self._corners: list[Corner] = []
+        self._sampled: StateSpace | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, '_corners': []}  # a user's plant cannot be sent
@@ -137,6 +139,7 @@ class Judge:
         }
 
     def margins(self, settings: ControllerSettings) -> Margins:
+<<<<<<< HEAD
         """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
         plant = self.corners[0].experiment.plant
         return margins(
@@ -146,6 +149,14 @@ class Judge:
             self.scenario.faults.delay,
             GRID,
         )
+=======
+        """Return the margins of the loop with the chain of integrators of the nominal b0."""
+        h = 1.0 / self.scenario.rate
+        if self._sampled is None:  # once for all designs: it takes as long as everything else
+            plant = self.corners[0].experiment.plant
+            self._sampled = zero_order_hold(chain(plant.order, plant.b0), h)
+        return margins(make_design(settings), self._sampled, h, 0.0, GRID)
+>>>>>>> 29ae702 (Sample the plant once for all designs of a search, of whose margins it was most of the time)
 
     def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
         runs = [self._runs(settings, self.seeds[:1], corner) for corner in self.corners]
