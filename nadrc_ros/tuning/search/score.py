@@ -139,24 +139,12 @@ class Judge:
         }
 
     def margins(self, settings: ControllerSettings) -> Margins:
-<<<<<<< HEAD
         """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
-        plant = self.corners[0].experiment.plant
-        return margins(
-            make_design(settings),
-            chain(plant.order, plant.b0),
-            1.0 / self.scenario.rate,
-            self.scenario.faults.delay,
-            GRID,
-        )
-=======
-        """Return the margins of the loop with the chain of integrators of the nominal b0."""
         h = 1.0 / self.scenario.rate
         if self._sampled is None:  # once for all designs: it takes as long as everything else
-            plant = self.corners[0].experiment.plant
-            self._sampled = zero_order_hold(chain(plant.order, plant.b0), h)
+            plant, delay = self.corners[0].experiment.plant, self.scenario.faults.delay
+            self._sampled = zero_order_hold(chain(plant.order, plant.b0), h, delay)
         return margins(make_design(settings), self._sampled, h, 0.0, GRID)
->>>>>>> 29ae702 (Sample the plant once for all designs of a search, of whose margins it was most of the time)
 
     def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
         runs = [self._runs(settings, self.seeds[:1], corner) for corner in self.corners]
