@@ -15,6 +15,7 @@ import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.nodes.runtime import LOCKED_UP
 from nadrc_ros.nodes.topics import reference_topics
@@ -27,6 +28,8 @@ from nadrc_ros.simulation.signals import signal_fields
 
 NODES = ('plant', 'reference', 'recorder', 'controller')
 STOP_TIME = 3.0
+# Periods, at least, without a command before the plant falls to its safe one.
+PATIENCE = 5
 
 
 def node_parameters(
@@ -45,6 +48,7 @@ def node_parameters(
         'plant_class': scenario.plant.class_name,
         'initial_state': list(scenario.initial_state),
         'safe_command': settings.safe_command,
+        'command_timeout': max(PlantSettings().command_timeout, PATIENCE / scenario.rate),
         'disturbance': scenario.disturbance.name,
         'noise_variance': scenario.noise.variance,
         'noise_sample_time': scenario.noise.sample_time,

@@ -41,6 +41,14 @@ noise: {variance: 1e-5}
 controllers:
   mine: {structure: cascade, levels: 3, pole_ratios: [1, 1.5, 2], command_rate_limit: 1e4}
 """
+SLOW = """
+plant: {name: chain, order: 1}
+reference: {signal: step}
+rate: 2
+duration: 60
+controllers:
+  mine: {inner_bandwidth: 0.2, controller_bandwidth: 0.1, measurement_timeout: 2.5, max_dt: 2.5}
+"""
 
 
 def test_a_running_controller_has_loaded_nothing_heavy(start: Processes) -> None:
@@ -73,11 +81,13 @@ def test_two_loops_in_two_namespaces_do_not_disturb_each_other(
     assert probe.said('b/controller')[-1][2]['enabled'] == 'True'
 
 
-@pytest.mark.parametrize('lockstep', [False, True])
+@pytest.mark.parametrize(
+    ('scenario', 'lockstep'), [(SCENARIO, False), (SCENARIO, True), (SLOW, False)]
+)
 def test_parameter_files_made_from_a_scenario_load(
-    lockstep: bool, probe: Probe, start: Processes, tmp_path: Path
+    scenario: str, lockstep: bool, probe: Probe, start: Processes, tmp_path: Path
 ) -> None:
-    parameters = node_parameters(loads(SCENARIO), 'mine', tmp_path / 'runs', lockstep)
+    parameters = node_parameters(loads(scenario), 'mine', tmp_path / 'runs', lockstep)
     file = parameter_file(
         tmp_path / 'made.yaml', {f'{start.namespace}/{node}': p for node, p in parameters.items()}
     )
