@@ -86,7 +86,9 @@ def valid(rng: Random, name: str) -> Any:
         return rng.randint(int(low), int(high))
     if field.kind == 'numbers':
         return [now[0] * rng.uniform(0.5, 1.0)]
-    return rng.uniform(low, high) if name in RANGES else now * rng.uniform(0.5, 2.0)
+    if name in RANGES:
+        return rng.uniform(low, high)
+    return min(max(now * rng.uniform(0.5, 2.0), low), high)
 
 
 class Soak:
