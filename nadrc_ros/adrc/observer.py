@@ -56,11 +56,12 @@ def update(
             j -= 1
             v += levels[j][order]
         # The Taylor sums of the chain from x with v added to the state that it drives.
+        top = x[last] + v if last == order else x[last]
         innovation = 0.0
         i = 0
         while i < last:
-            ahead = 0.0
-            j = last
+            ahead = top * steps[last - i]
+            j = last - 1
             while j > i:
                 if j == order:
                     ahead += v
