@@ -35,10 +35,11 @@ def closed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0)
     Return (noise, load, r, r', ..., r^(n)) -> (output, command) of the loop at period ``h``.
 
     ``plant`` is continuous, one input, one output, without feedthrough, sampled with the command
-    held and ``delay`` [s]; ``load`` adds to the command on its way to the plant, unseen by the
-    observers. States: those of the plant, then those of :func:`transfer.controller`.
+    held and ``delay`` [s], or sampled so already; ``load`` adds to the command on its way to the
+    plant, unseen by the observers. States: those of the plant, then those of
+    :func:`transfer.controller`.
     """
-    p, k = zero_order_hold(plant, h, delay), controller(design, h)
+    p, k = _sampled(plant, h, delay), controller(design, h)
     n, m = len(p.a), len(k.a)
     by, br = k.b[:, :1], k.b[:, 1:]
     dy, dr = k.d[:, :1], k.d[:, 1:]
@@ -64,7 +65,11 @@ def open_loop(
     design: Design, plant: StateSpace, h: float, delay: float = 0.0
 ) -> tuple[StateSpace, StateSpace]:
     """Return u -> y of the sampled plant and y -> u of the controller; K P = -their product."""
-    return zero_order_hold(plant, h, delay), pick(controller(design, h), [0], [0])
+    return _sampled(plant, h, delay), pick(controller(design, h), [0], [0])
+
+
+def _sampled(plant: StateSpace, h: float, delay: float) -> StateSpace:
+    return plant if plant.h == h and delay == 0.0 else zero_order_hold(plant, h, delay)
 
 
 def gain_interval(

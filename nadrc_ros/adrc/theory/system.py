@@ -106,10 +106,7 @@ def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSp
     ``delay`` [s], any fraction of a period, is between the hold and the system: of the period
     that starts at t_k its first part sees an input one period older. The inputs on their way
     become states. Source: K. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 3.2.
-    One that is sampled every ``h`` already is returned as it is, if no delay is to be added.
     """
-    if system.h == h and delay == 0.0:
-        return system
     if system.h > 0.0 or np.any(system.d) or delay < 0.0:
         raise ValueError('a continuous system without feedthrough, and a delay >= 0, is needed')
     n, m = system.b.shape
