@@ -173,6 +173,7 @@ class Watch(Ticker):
         self._due = inf
         self._losses = Losses()
         self._lost = self._late = 0
+        self._was_late = False
         self._look_timer = node.create_timer(self._period, self._look, clock=beat.clock)
 
     def notice_within(self, seconds: float) -> None:
@@ -184,8 +185,9 @@ class Watch(Ticker):
         """Count a period for the sample with this publication number."""
         lost = self._losses.before(number)
         self._lost += lost
-        self.missed += max(0, lost - self._late)
-        self._late = 0
+        known = min(lost, self._late)  # the first sample after a stall may be one from before
+        self._late -= known
+        self.missed += lost - known
         self._heard = self._last = self.now()
         self._start_from(self._last)
         self.periods += 1
@@ -203,7 +205,9 @@ class Watch(Ticker):
         # What a stall lost is told by the look or by the next number, whichever comes first.
         missed = max(0, int(late * 1e-9 / self._period) - self._lost)
         self.missed += missed
-        self._late += missed
+        if missed or not self._was_late:  # the number may come after one more look
+            self._late = missed
+        self._was_late = missed > 0
         self._lost = 0
         if self._silent:
             self._start_from(now)
@@ -211,7 +215,9 @@ class Watch(Ticker):
             super()._fire()
 
     def _fire(self) -> None:
-        if self._silent:
-            super()._fire()
-        else:
+        if not self._silent:
             self._timer.cancel()
+            return
+        missed = self.missed
+        super()._fire()
+        self._late += self.missed - missed
