@@ -182,7 +182,7 @@ class RecorderNode(LiveNode):
             lost = self._losses[name].before(info['publication_sequence_number'])
             self.lost[name] += lost
             if name == 'measurement':
-                self._measure(value, self._places.next(info, self._now(), lost))
+                self._measure(value, self._places.of(info, self._now(), lost))
             if self.recording:
                 self._started = self._started or name == 'command'
                 self._latest[name] = value

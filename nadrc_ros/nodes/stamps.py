@@ -108,7 +108,7 @@ class Places:
         self._elapsed = -1.0 / rate
         self._place = -1
 
-    def next(self, info: Info, now: int, lost: int) -> int:
+    def of(self, info: Info, now: int, lost: int) -> int:
         """Return the place of a sample that came ``now`` [ns] with so many lost before it."""
         self._elapsed += max(0.0, self._times.span(info, now))
         self._place = max(self._place + 1 + lost, round(self._elapsed * self._rate))
