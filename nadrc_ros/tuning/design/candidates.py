@@ -48,12 +48,12 @@ class Candidate:
 
     @property
     def levels(self) -> int:
-        """Number of levels."""
+        """Return the number of levels."""
         return STRUCTURES[self.settings.structure].levels(self.settings)
 
     @property
     def name(self) -> str:
-        """A word for the files, which is also a ROS namespace."""
+        """Return a word for the files, which is also a ROS namespace."""
         structure = self.settings.structure
         return f'{structure}_{self.levels}' if self.levels > 1 else structure
 

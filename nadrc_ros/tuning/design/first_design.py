@@ -81,7 +81,7 @@ class FirstDesign:
 
     @property
     def pid(self) -> FilteredPID | None:
-        """The filtered PI or PID controller that one observer is, for orders 1 and 2."""
+        """Return the filtered PI or PID controller that one observer is, for orders 1 and 2."""
         if self.wanted.order > 2:
             return None
         return equivalent_pid(make_design(self.candidates[0].settings))

@@ -100,7 +100,7 @@ class Judge:
 
     @property
     def corners(self) -> list[Corner]:
-        """The nominal plant, then every combination of the ends of what is spread."""
+        """Return the nominal plant, then every combination of the ends of what is spread."""
         if not self._corners:
             self._corners = corners(self.scenario, self.tuning)
         return self._corners
