@@ -80,7 +80,7 @@ def tune(
         Optional[str],
         typer.Option(help='nsga2 (default), or with a budget cmaes (default then) or pso.'),
     ] = None,
-    trials: Annotated[Optional[int], typer.Option(help='Designs to try (1800).')] = None,
+    trials: Annotated[Optional[int], typer.Option(help='Designs to try (1280).')] = None,
     population: Annotated[
         Optional[int], typer.Option(help='Designs of a generation (40).')
     ] = None,

@@ -72,7 +72,7 @@ class TuneSettings:
     sampler: str = choice(
         'auto', SAMPLERS, 'search; auto is nsga2 for the front and cmaes with a budget'
     )
-    trials: int = integer(1800, 1, 10_000_000, 'designs to try')
+    trials: int = integer(1280, 1, 10_000_000, 'designs to try')
     population: int = integer(40, 4, 10_000, 'designs of a generation')
     seeds: int = integer(3, 1, 10_000, 'noise sequences to average over')
     seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
