@@ -291,8 +291,7 @@ ROWS = 12
 
 def _print_front(one: 'Tuned', tuning: 'TuneSettings') -> None:
     """Print some of the front, the ends and the chosen point among them."""
-    from nadrc_ros.cli.table import PIPE_WIDTH
-    from rich.console import Console
+    from nadrc_ros.cli.table import console
     from rich.table import Table
 
     objective = tuning.objective.upper()
@@ -308,10 +307,7 @@ def _print_front(one: 'Tuned', tuning: 'TuneSettings') -> None:
         numbers = (point.figures.isu, point.figures.objective)
         cells = [f'{x:.4g}' for x in (*numbers, *point.values.values())]
         table.add_row(str(i + 1), *cells, style='bold' if i == one.choice.index else '')
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=PIPE_WIDTH)  # nobody there to wrap lines for
-    console.print(table)
+    console().print(table)
 
 
 def _print_table(title: str, found: 'list[Tuned]') -> None:
