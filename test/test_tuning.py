@@ -18,7 +18,7 @@ from nadrc_ros.simulation.many import run_metrics
 from nadrc_ros.tuning.search.front import choose, front, knee, Point
 from nadrc_ros.tuning.search.score import Figures, Judge, Score, with_gain
 from nadrc_ros.tuning.search.settings import settings_from, TuneSettings
-from nadrc_ros.tuning.search.study import evaluate, open_storage, Trial, TuningStudy
+from nadrc_ros.tuning.search.study import open_storage, run_studies, Trial, TuningStudy
 from nadrc_ros.tuning.search.variables import designed, first_designs, values_of, variables
 import pytest
 
@@ -50,7 +50,7 @@ def study(storage: Path, **tuning: Any) -> TuningStudy:
 
 def found(study: TuningStudy, jobs: int = 1) -> list[Trial]:
     with ThreadPoolExecutor(jobs) as executor:
-        study.run(executor, evaluate)
+        run_studies([study], executor)
     return study.trials()
 
 
@@ -230,6 +230,17 @@ def test_any_number_of_cores_finds_the_same(tuning: dict[str, Any], tmp_path: Pa
     assert found(study(tmp_path / 'c', **tuning, seed=1)) != first
 
 
+def test_studies_that_run_in_turn_find_what_each_finds_alone(tmp_path: Path) -> None:
+    cases: list[dict[str, Any]] = [{}, {'trials': 20, 'seed': 1}]
+    alone = [found(study(tmp_path / str(i), **case)) for i, case in enumerate(cases)]
+    together = [study(tmp_path / 'both', **case) for case in cases]
+    told: list[int] = []
+    with ThreadPoolExecutor(3) as executor:
+        run_studies(together, executor, lambda known, best: told.append(known))
+    assert [one.trials() for one in together] == alone
+    assert told == list(range(1, 49))
+
+
 @pytest.mark.parametrize('tuning', SEARCHES, ids=['nsga2', 'cmaes', 'pso'])
 def test_an_interrupted_study_ends_the_same(tuning: dict[str, Any], tmp_path: Path) -> None:
     whole = study(tmp_path / 'a', **tuning)
@@ -250,7 +261,7 @@ def test_two_machines_share_a_study(tmp_path: Path) -> None:
     one, two = study(tmp_path / 'a', trials=60), study(tmp_path / 'a', trials=60)
     two.worker = 1
     with ThreadPoolExecutor(2) as both, ThreadPoolExecutor(2) as executor:
-        for future in [both.submit(s.run, executor, evaluate) for s in (one, two)]:
+        for future in [both.submit(run_studies, [s], executor) for s in (one, two)]:
             future.result()
     workers = [t.user_attrs['worker'] for t in one.stored.trials]
     assert set(workers) == {0, 1} and one.done >= 60

@@ -138,8 +138,7 @@ def tune(
         where = storage or str(folder / 'study.log')
         studies = _studies(scenario, names, tuning, open_storage(where), worker)
         try:
-            for name, study in studies.items():
-                _search(name, study, jobs)
+            _search(list(studies.values()), jobs)
         except KeyboardInterrupt:
             complain(f'interrupted: the study in {where} is kept; the same command goes on')
             raise typer.Exit(INTERRUPTED) from None
@@ -226,16 +225,16 @@ def _studies(
     return found
 
 
-def _search(name: str, study: 'TuningStudy', jobs: Optional[int]) -> None:
-    from nadrc_ros.tuning.search.study import evaluate
+def _search(studies: 'list[TuningStudy]', jobs: Optional[int]) -> None:
+    from nadrc_ros.tuning.search.study import run_studies
 
-    if study.done >= study.tuning.trials:
+    going = [study for study in studies if study.done < study.tuning.trials]
+    if not going:
         return
-    with (
-        progress(f'designs of {name}', study.tuning.trials, study.done) as tell,
-        _workers(study.judge.compiled, jobs) as executor,
-    ):
-        study.run(executor, evaluate, tell)
+    total, done = sum(one.tuning.trials for one in going), sum(one.done for one in going)
+    fast = all(study.judge.compiled for study in going)
+    with progress('designs', total, done) as tell, _workers(fast, jobs) as executor:
+        run_studies(going, executor, tell)
 
 
 @contextmanager
@@ -247,8 +246,11 @@ def _workers(fast: bool, jobs: Optional[int]) -> 'Iterator[Executor]':
     from nadrc_ros.cli.workers import processes
 
     if fast or jobs == 1:
-        with ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
+        threads = ThreadPoolExecutor(jobs or os.cpu_count())
+        try:
             yield threads
+        finally:
+            threads.shutdown(cancel_futures=True)
     else:
         with processes(jobs) as executor:
             yield executor

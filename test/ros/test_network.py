@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 import signal
@@ -177,9 +178,11 @@ def check_cut(run: Run) -> None:
     assert {c.value for c in during(run.near.of('command'), late, run.restored)} == {0.0}
     # The plant uses a command that nobody sent.
     assert 'using the safe command' in run.plant_said
-    first, *_, last = during(run.far.of('plant/output'), late, run.restored)
-    slope = (last.value - first.value) / ((last.number - first.number) / RATE)
-    assert slope == pytest.approx(PLANT_SAFE + DISTURBANCE, rel=1e-6)
+    outputs = [sample.value for sample in during(run.far.of('plant/output'), late, run.restored)]
+    steps = [(y - before) * RATE / (PLANT_SAFE + DISTURBANCE) for before, y in pairwise(outputs)]
+    periods = [round(step) for step in steps]  # more than 1 where the plant missed some
+    assert min(periods) == 1
+    assert steps == pytest.approx(periods, rel=1e-6)
 
 
 def check_recovery(run: Run) -> None:

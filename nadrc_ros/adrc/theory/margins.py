@@ -17,7 +17,7 @@ from typing import NamedTuple
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.theory.loop import loop_growth, open_loop
 from nadrc_ros.adrc.theory.norms import frequency_grid
-from nadrc_ros.adrc.theory.system import Array, Complex, response, StateSpace
+from nadrc_ros.adrc.theory.system import Array, Complex, frequency_response, StateSpace
 import numpy as np
 from scipy import optimize
 
@@ -50,9 +50,10 @@ def margins(
     if loop_growth(design, plant, h, delay) >= 1.0:
         return UNSTABLE
     p, k = open_loop(design, plant, h, delay)
+    of_plant, of_law = frequency_response(p), frequency_response(k)
 
     def loop(omega: Array | float) -> Complex:
-        return np.asarray(-response(p, omega)[..., 0, 0] * response(k, omega)[..., 0, 0])
+        return np.asarray(-of_plant(omega)[..., 0, 0] * of_law(omega)[..., 0, 0])
 
     omega = frequency_grid(p, k, points=points)
     values = loop(omega)

@@ -7,11 +7,11 @@ from math import ceil, inf, log2, pi
 from nadrc_ros.adrc.theory.system import (
     Array,
     balanced,
+    frequency_response,
     held,
     is_stable,
     natural_frequencies,
     poles,
-    response,
     StateSpace,
 )
 import numpy as np
@@ -32,11 +32,12 @@ def h_infinity_norm(system: StateSpace) -> float:
     if not is_stable(system):
         return inf
     omega = frequency_grid(system)
+    at = frequency_response(system)
 
     def gain(w: float) -> float:
-        return float(np.linalg.norm(response(system, w), 2))
+        return float(np.linalg.norm(at(w), 2))
 
-    gains = np.linalg.norm(response(system, omega), 2, axis=(1, 2))
+    gains = np.linalg.norm(at(omega), 2, axis=(1, 2))
     best = max(float(gains.max()), gain(0.0))
     if system.h == 0.0:
         best = max(best, float(np.linalg.norm(system.d, 2)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,13 +85,21 @@ def response(system: StateSpace, omega: ArrayLike) -> Complex:
 
     ``omega`` [rad/s] of any shape (...); the result has the shape (..., outputs, inputs).
     """
-    system = balanced(system)
-    s = 1j * np.asarray(omega, dtype=float)
-    shift = np.expm1(s * system.h) if system.h > 0.0 else s
-    one = np.eye(len(system.a))
-    rest = system.a - one if system.h > 0.0 else system.a
-    inside = np.linalg.solve(shift[..., None, None] * one - rest, system.b)
-    return np.asarray(system.c @ inside + system.d, dtype=complex)
+    return frequency_response(system)(omega)
+
+
+def frequency_response(system: StateSpace) -> Callable[[ArrayLike], Complex]:
+    """Return :func:`response` of one system as a function of omega, to be called many times."""
+    a, b, c, d, h = balanced(system)
+    one = np.eye(len(a))
+    rest = a - one if h > 0.0 else a
+
+    def at(omega: ArrayLike) -> Complex:
+        s = 1j * np.asarray(omega, dtype=float)
+        shift = np.expm1(s * h) if h > 0.0 else s
+        return np.asarray(c @ np.linalg.solve(shift[..., None, None] * one - rest, b) + d)
+
+    return at
 
 
 def static_gain(system: StateSpace) -> Array:

@@ -9,7 +9,7 @@ missing part added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from hashlib import sha256
 from math import log
@@ -19,7 +19,6 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import dump, Scenario
-from nadrc_ros.simulation.many import stream
 from nadrc_ros.tuning.search.samplers import FIRST, make_sampler
 from nadrc_ros.tuning.search.score import Figures, Judge, Score, undominated
 from nadrc_ros.tuning.search.settings import TuneSettings
@@ -84,7 +83,15 @@ def open_storage(where: str) -> optuna.storages.BaseStorage:
 
 
 class TuningStudy:
-    """The study of one controller, in a storage that several machines may share."""
+    """
+    The study of one controller, in a storage that several machines may share.
+
+    Attributes
+    ----------
+    known, best
+        How many trials are scored so far, and the best before the last generation in a few words.
+
+    """
 
     def __init__(
         self,
@@ -98,6 +105,7 @@ class TuningStudy:
         self.tuning = judge.tuning
         self.varied = varied
         self.worker = worker
+        self.label = name
         self.first = FIRST * judge.tuning.population
         self.name = f'{name}-{digest(judge.scenario, name, self.tuning, varied)}'
         self.directions = [StudyDirection.MINIMIZE] * (1 if self.tuning.budget else 2)
@@ -105,6 +113,8 @@ class TuningStudy:
         self.stored = optuna.create_study(
             storage=storage, study_name=self.name, directions=self.directions, load_if_exists=True
         )
+        self.known = self.done
+        self.best = ''
 
     def trials(self) -> list[Trial]:
         """Return what was tried so far, in order."""
@@ -115,44 +125,42 @@ class TuningStudy:
         """Return how many trials are stored."""
         return len(self.stored.get_trials(deepcopy=False))
 
-    @property
-    def best(self) -> str:
+    def _best(self) -> str:
         """Return the best so far in a few words."""
         known = [t.score.figures for t in self.trials() if not t.score.violations]
         least = min((f.objective for f in known if f is not None), default=None)
-        return '' if least is None else f'{self.tuning.objective} from {least:.4g}'
+        return '' if least is None else f'{self.label}: {self.tuning.objective} from {least:.4g}'
 
-    def run(
-        self,
-        executor: Executor,
-        evaluate: Callable[..., Score],
-        tell: Callable[[int, str], None] = lambda done, best: None,
-    ) -> None:
+    def generations(self, executor: Executor, tell: Callable[[], None]) -> Iterator[None]:
         """
         Go on generation by generation until all trials are stored.
 
-        ``tell`` is called after each trial with how many are done, and the best before them.
+        Yields when the designs of one are handed out, before it waits for their scores; ``tell``
+        is called after each of these.
         """
         while self.done < self.tuning.trials:
-            self._generation(executor, evaluate, tell)
+            self.best = self._best()
+            history, begun = self._history()
+            memory, asked = self._ask(history)
+            better = front_of_first([_trial(trial) for trial in history], bool(self.tuning.budget))
+            scores = [
+                executor.submit(evaluate, self.judge, dict(trial.params), better)
+                for trial in asked
+            ]
+            yield
+            for i, (trial, score) in enumerate(zip(asked, scores)):
+                self._tell(memory, trial, score.result())
+                self.known = len(history) + i + 1
+                tell()
+            finished = memory.get_trials(deepcopy=False)[len(history) :]
+            self.stored.add_trials(finished[begun:])
 
-    def _generation(
-        self, executor: Executor, evaluate: Callable[..., Score], tell: Callable[[int, str], None]
-    ) -> None:
-        history, begun = self._history()
-        memory, asked = self._ask(history)
-        better = front_of_first([_trial(trial) for trial in history], bool(self.tuning.budget))
-        best = self.best
-        tasks = ((self.judge, dict(trial.params), better) for trial in asked)
-        for i, score in enumerate(stream(executor, evaluate, tasks)):
-            tell(len(history) + i + 1, best)
-            _note(asked[i], score, self.worker)
-            if not self.tuning.budget:  # with one, _values says it, and CMA-ES knows no other way
-                for name, violation in score.violations.items():
-                    asked[i].set_constraint(name, violation)
-            memory.tell(asked[i], _values(score, self.tuning.budget))
-        finished = memory.get_trials(deepcopy=False)[len(history) :]
-        self.stored.add_trials(finished[begun:])
+    def _tell(self, memory: optuna.Study, trial: optuna.Trial, score: Score) -> None:
+        _note(trial, score, self.worker)
+        if not self.tuning.budget:  # with one, _values says it, and CMA-ES knows no other way
+            for name, violation in score.violations.items():
+                trial.set_constraint(name, violation)
+        memory.tell(trial, _values(score, self.tuning.budget))
 
     def _ask(self, history: list[FrozenTrial]) -> tuple[optuna.Study, list[optuna.Trial]]:
         """Return a study in memory with the history, and the generation that follows it."""
@@ -194,6 +202,25 @@ class TuningStudy:
     def _seed(self, generation: int) -> int:
         entropy = np.random.SeedSequence([self.tuning.seed, self.worker, generation])
         return int(entropy.generate_state(1)[0])
+
+
+def run_studies(
+    studies: Sequence[TuningStudy],
+    executor: Executor,
+    tell: Callable[[int, str], None] = lambda known, best: None,
+) -> None:
+    """
+    Run studies to their ends, in turn: while one proposes designs, those of the others are run.
+
+    ``tell`` is called after each trial with how many are known in all, and the best of each study.
+    """
+
+    def told() -> None:
+        tell(sum(one.known for one in studies), ', '.join(one.best for one in studies if one.best))
+
+    turns = [study.generations(executor, told) for study in studies]
+    while turns:
+        turns = [turn for turn in turns if next(turn, 'ended') != 'ended']
 
 
 def evaluate(judge: Judge, values: dict[str, float], better: Sequence[Figures]) -> Score:
