@@ -207,12 +207,13 @@ class RecorderNode(LiveNode):
         (place, measurement), self._pending = self._pending, None
         if not self._rows:
             self._first = place
-        self._index = place - self._first
-        t = self._index / self.pacing.rate
+        index = place - self._first
+        t = index / self.pacing.rate
         if 0.0 < self.settings.duration <= t + 0.5 * self.pacing.period:
             self._end_run()
             self.get_logger().info(f'{self.settings.duration:g} s are recorded')
             return
+        self._index = index
         self._row(t, {**self._latest, 'measurement': measurement})
 
     def _fire(self, values: list[float]) -> None:

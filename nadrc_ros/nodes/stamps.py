@@ -8,9 +8,11 @@ from nadrc_ros.nodes.topics import Info
 FUTURE = 1_000_000
 # A source stamp this far back is a jump of its clock, or a publisher on another machine.
 JUMP = 100_000_000
-# So is a gap of the source that exceeds that of the receipts by this, or by some periods.
-LATE = 10_000_000
-LATE_PERIODS = 5
+# So is a sample that took less time than any before, by this or by some periods.
+EARLY = 10_000_000
+EARLY_PERIODS = 5
+# Clocks drift apart by no more than that; time corrections slew them by half of it.
+DRIFT = 1e-3
 # More publishers of one topic are not told apart.
 PUBLISHERS = 8
 
@@ -37,7 +39,9 @@ class SampleTimes:
         self.from_future = 0
         self.clock_jumps = 0
         self.out_of_order = 0
-        self._late = max(LATE, int(LATE_PERIODS * period * 1e9))
+        self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
+        # Least time from stamp to receipt so far [ns], which includes the difference of two clocks.
+        self._least_delay = 0
         self._period = period
         self._stamped = stamped
         self._seen: int | None = None
@@ -62,6 +66,7 @@ class SampleTimes:
         seen, self._seen = self._seen, number
         if self._last is None:
             self._last = stamp, now, number
+            self._least_delay = now - stamp
             return self._period
         source, receipt = stamp - self._last[0], now - self._last[1]
         if not self._stamped:
@@ -70,11 +75,16 @@ class SampleTimes:
             self.out_of_order += 1
         goes_on = _follows(number, seen, self._last[2], source < -JUMP)
         backward = source <= 0 if self._stamped else source < 0
-        if goes_on and (backward or source > receipt + self._late):
+        # A stall makes samples late, and those behind it less so; none comes earlier than it can.
+        forward = self._stamped and now - stamp < self._least_delay - self._early
+        if goes_on and (backward or forward):
             self.clock_jumps += 1
             source = max(0, receipt)
+            self._least_delay = now - stamp
         elif source <= 0:
             return float(source) * 1e-9
+        drifted = self._least_delay + int(DRIFT * max(0, receipt))
+        self._least_delay = min(drifted, now - stamp)
         self._last = stamp, now, number
         return float(source) * 1e-9
 

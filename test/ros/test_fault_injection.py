@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +41,10 @@ def test_p07_a_fault_is_switched_on_and_off_live(make_probe: Callable[..., Probe
     probe = make_probe(parameters={'controller': CONTROL, 'plant': PLANT})
     controller: Any = probe.add(ControllerNode()).controller
     plant = probe.add(PlantNode())
-    measurements = probe.listen('measurement')
-    probe.wait_until(lambda: controller.mode == Mode.OK)
+    measurements, refer = probe.listen('measurement'), probe.publisher('reference')
+    probe.wait_until(lambda: controller.mode == Mode.OK and probe.readers('reference'))
+    refer(0.0)
+    probe.wait_until(lambda: controller.watch.reference_age < inf)
 
     assert set_one(probe, KIND, 'silent') == ''
     probe.wait_until(lambda: controller.cause == Cause.MEASUREMENT_TIMEOUT)

@@ -255,9 +255,12 @@ def test_a_reset_restarts_the_observers_without_a_bump(make_probe: Make) -> None
     probe, node, _ = loop(make_probe, DISTURBED)
     commands = probe.listen('command')
     probe.wait_until(lambda: commands and abs(commands[-1] + 5.0) < 0.05)
-    n = len(commands)
-    assert probe.trigger('controller/reset').success
-    probe.wait_until(lambda: len(commands) > n + 50 and node.controller.mode == Mode.OK)
+    for _ in range(5):
+        n, missed = len(commands), node.ticker.missed
+        assert probe.trigger('controller/reset').success
+        probe.wait_until(lambda: len(commands) > n + 50 and node.controller.mode == Mode.OK)
+        if node.ticker.missed == missed:  # a busy machine makes bumps of its own
+            break
     assert all(abs(command + 5.0) < 2.0 for command in commands[n:])  # a bump would be 5
 
 
@@ -354,7 +357,7 @@ def test_p17_with_measurements_as_trigger_only_what_was_missed_is_counted(
     probe.wait_until(lambda: ticker.periods > 10)
     before, begin = ticker.missed, ticker.periods
     probe.wait_until(lambda: ticker.periods > begin + 40)
-    assert ticker.missed - before <= 8  # on a busy machine
+    assert ticker.missed - before <= 20  # on a busy machine; a wrong count would be 40
     before = ticker.missed
     time.sleep(0.4)  # a stall
     probe.wait_until(lambda: ticker.missed >= before + 15)

@@ -212,7 +212,7 @@ def test_a_run_ends_after_its_duration(make_probe: Callable[..., Probe], tmp_pat
     for _ in range(10):
         feed.sample()
     summary = json.loads((feed.recorder.folder.path / SUMMARY).read_text())
-    assert summary['rows'] == 5
+    assert summary['rows'] == summary['periods'] == 5
     assert summary['complete']
     assert read_samples(feed.recorder.folder.path)['time'] == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert not feed.recorder.finished

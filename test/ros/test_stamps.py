@@ -56,6 +56,28 @@ def test_p09_a_stamp_from_the_future_is_counted_and_the_receipt_used() -> None:
     assert line.times.clock_jumps == 0
 
 
+def test_p10_what_a_stall_made_late_is_no_clock_jump() -> None:
+    """A process that stood still takes the oldest sample first, and newer ones right after."""
+    line = Line()
+    line.span(1, 0.0)
+    assert line.span(2, 5.0, delay=300.0) == pytest.approx(5.0)
+    assert line.span(60, 295.0, delay=11.0) == pytest.approx(290.0)
+    assert line.span(61, 300.0, delay=6.5) == pytest.approx(5.0)
+    assert line.span(62, 305.0, delay=1.6) == pytest.approx(5.0)
+    assert line.times.clock_jumps == 0
+    assert line.span(63, 310.0, clock=200.0) == pytest.approx(3.6)
+    assert line.times.clock_jumps == 1
+
+
+def test_p10_a_clock_jump_is_seen_after_drift() -> None:
+    line, drift = Line(), 1.0 + 5e-4
+    for number in range(1, 2001):
+        line.span(number, 1000.0 * number, now=1000.0 * number * drift)
+    assert line.times.clock_jumps == 0
+    line.span(2001, 2001e3, clock=100.0, now=2001e3 * drift)
+    assert line.times.clock_jumps == 1
+
+
 def test_p09_duplicates_and_reordered_samples_span_nothing_and_shift_nothing() -> None:
     line = Line()
     line.span(1, 0.0)

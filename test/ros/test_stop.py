@@ -99,6 +99,7 @@ def test_p14_a_ramp_too_long_is_cut_short_and_further_signals_change_nothing(
     commands, controller = run_loop(probe, start)
     assert probe.set('controller', command_rate_limit=0.5) == ['']
     assert probe.enable().success
+    probe.wait_until(lambda: abs(commands[-1] + 5.0) < 0.2)
     begin = controller.signal(signal.SIGTERM)
     for number in (*INTERRUPTS, *INTERRUPTS):
         probe.spin(0.05)
