@@ -40,7 +40,7 @@ class SampleTimes:
         self.clock_jumps = 0
         self.out_of_order = 0
         self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
-        # Least time from stamp to receipt so far [ns], which includes the difference of two clocks.
+        # Least time from stamp to receipt so far [ns], with the difference of their clocks.
         self._least_delay = 0
         self._period = period
         self._stamped = stamped
