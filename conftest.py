@@ -5,6 +5,7 @@ That is longer runs of the tests of promise 20, and more random cases.
 """
 
 import os
+import signal
 
 from hypothesis import settings
 import pytest
@@ -12,6 +13,8 @@ import pytest
 # As the commands do, and before NumPy is imported: with threads of its own, which wait busily,
 # OpenBLAS takes ten times the CPU for small matrices as soon as the cores have other work.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+# What a shell starts in the background ignores it, and so would all that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile('soak', max_examples=100_000, deadline=None)
 
 

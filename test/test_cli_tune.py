@@ -110,7 +110,7 @@ def test_nothing_is_written_when_nothing_is_feasible(file: Path, tmp_path: Path)
 def test_what_was_stopped_goes_on_to_the_same_end(
     blow: signal.Signals, file: Path, tmp_path: Path
 ) -> None:
-    arguments = (*SMALL, '--trials', 48, '--controller', 'nested', '--out')
+    arguments = (*SMALL, '--trials', 48, '--out')
     assert nadrc(file, *arguments, tmp_path / 'whole').exit_code == 0
     process = start(file, *arguments, tmp_path / 'part')
     log = tmp_path / 'part' / 'study.log'

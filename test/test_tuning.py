@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import attrs
@@ -239,6 +240,25 @@ def test_studies_that_run_in_turn_find_what_each_finds_alone(tmp_path: Path) -> 
         run_studies(together, executor, lambda known, best: told.append(known))
     assert [one.trials() for one in together] == alone
     assert told == list(range(1, 49))
+
+
+def test_a_design_that_fails_ends_all_studies(tmp_path: Path) -> None:
+    one, other = study(tmp_path / 'a'), study(tmp_path / 'b')
+    scored: list[object] = []
+    failed = Event()
+
+    def slow(values: object, better: object) -> Score:
+        scored.append(values)
+        failed.wait()
+        return Score(violations={'peak': 1.0})
+
+    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as executor:
+        patch.setattr(one.judge, 'score', lambda values, better: 1 / 0)
+        patch.setattr(other.judge, 'score', slow)
+        with pytest.raises(ZeroDivisionError):
+            run_studies([one, other], executor)
+        failed.set()
+    assert len(scored) <= 1  # what was under way
 
 
 @pytest.mark.parametrize('tuning', SEARCHES, ids=['nsga2', 'cmaes', 'pso'])

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import time
+
 from nadrc_ros.nodes.topics import Info
 
 # A source stamp this far after the receipt is from the future: clocks of one machine agree better.
 FUTURE = 1_000_000
 # A source stamp this far back is a jump of its clock, or a publisher on another machine.
 JUMP = 100_000_000
-# So is a sample that took less time than any before, by this or by some periods.
+# So is a sample that took less time than it can, by this or by some periods.
 EARLY = 10_000_000
 EARLY_PERIODS = 5
-# Clocks drift apart by no more than that; time corrections slew them by half of it.
-DRIFT = 1e-3
+# The clocks of two machines drift apart by no more than that, but when one is being corrected.
+DRIFT = 1e-4
 # More publishers of one topic are not told apart.
 PUBLISHERS = 8
 
@@ -32,18 +35,22 @@ class SampleTimes:
         Nominal period [s].
     stamped
         False where source stamps and the node's clock run apart, as in simulated time.
+    wall
+        The clock of stamps on this machine [ns].
 
     """
 
-    def __init__(self, period: float, stamped: bool = True) -> None:
+    def __init__(
+        self, period: float, stamped: bool = True, wall: Callable[[], int] = time.time_ns
+    ) -> None:
         self.from_future = 0
         self.clock_jumps = 0
         self.out_of_order = 0
         self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
-        # Least time from stamp to receipt so far [ns], with the difference of their clocks.
-        self._least_delay = 0
+        self._least_delay = 0  # from stamp to receipt [ns], with the difference of their clocks
         self._period = period
         self._stamped = stamped
+        self._wall = wall
         self._seen: int | None = None
         self._last: tuple[int, int, int | None] | None = None
 
@@ -66,7 +73,7 @@ class SampleTimes:
         seen, self._seen = self._seen, number
         if self._last is None:
             self._last = stamp, now, number
-            self._least_delay = now - stamp
+            self._least_delay = self._least(stamp, now)
             return self._period
         source, receipt = stamp - self._last[0], now - self._last[1]
         if not self._stamped:
@@ -75,18 +82,22 @@ class SampleTimes:
             self.out_of_order += 1
         goes_on = _follows(number, seen, self._last[2], source < -JUMP)
         backward = source <= 0 if self._stamped else source < 0
-        # A stall makes samples late, and those behind it less so; none comes earlier than it can.
-        forward = self._stamped and now - stamp < self._least_delay - self._early
-        if goes_on and (backward or forward):
+        # A stall makes a sample late and the next one less so; none comes earlier than it can.
+        drift = int(DRIFT * max(0, receipt))
+        early = self._least_delay - (now - stamp) > self._early + drift
+        if (early and self._stamped) or (goes_on and backward):
             self.clock_jumps += 1
             source = max(0, receipt)
-            self._least_delay = now - stamp
+            self._least_delay = self._least(stamp, now)
         elif source <= 0:
             return float(source) * 1e-9
-        drifted = self._least_delay + int(DRIFT * max(0, receipt))
-        self._least_delay = min(drifted, now - stamp)
+        self._least_delay = min(self._least_delay + min(drift, self._early // 2), now - stamp)
         self._last = stamp, now, number
         return float(source) * 1e-9
+
+    def _least(self, stamp: int, now: int) -> int:
+        """Return the least delay as far as it is known: this one may be late already."""
+        return now - max(stamp, self._wall())
 
 
 def _follows(number: int | None, seen: int | None, last: int | None, far_back: bool) -> bool:

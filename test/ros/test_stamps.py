@@ -14,7 +14,8 @@ class Line:
     """Samples on their way: sent at a time, received a little later."""
 
     def __init__(self, stamped: bool = True) -> None:
-        self.times = SampleTimes(PERIOD, stamped)
+        self.wall = START
+        self.times = SampleTimes(PERIOD, stamped, lambda: self.wall)
 
     def span(
         self,
@@ -33,6 +34,7 @@ class Line:
             'publication_sequence_number': number,
         }
         own = sent + delay if now is None else now
+        self.wall = START + round((own + clock) * MS)
         return 1e3 * self.times.span(info, round(own * MS))
 
 
@@ -59,22 +61,49 @@ def test_p09_a_stamp_from_the_future_is_counted_and_the_receipt_used() -> None:
 def test_p10_what_a_stall_made_late_is_no_clock_jump() -> None:
     """A process that stood still takes the oldest sample first, and newer ones right after."""
     line = Line()
-    line.span(1, 0.0)
-    assert line.span(2, 5.0, delay=300.0) == pytest.approx(5.0)
-    assert line.span(60, 295.0, delay=11.0) == pytest.approx(290.0)
-    assert line.span(61, 300.0, delay=6.5) == pytest.approx(5.0)
-    assert line.span(62, 305.0, delay=1.6) == pytest.approx(5.0)
+    line.span(1, 0.0, delay=300.0)
+    assert line.span(60, 300.0) == pytest.approx(300.0)
+    assert line.span(61, 305.0, delay=100.0) == pytest.approx(5.0)
+    assert line.span(80, 400.0, delay=6.0) == pytest.approx(95.0)
+    assert line.span(81, 405.0, delay=1.6) == pytest.approx(5.0)
+    late = 405.0 + 600_000.0  # after ten minutes of silence
+    assert line.span(82, late, delay=300.0) == pytest.approx(600_000.0)
+    assert line.span(142, late + 300.0) == pytest.approx(300.0)
     assert line.times.clock_jumps == 0
-    assert line.span(63, 310.0, clock=200.0) == pytest.approx(3.6)
+    assert line.span(143, late + 305.0, clock=200.0) == pytest.approx(5.0)
     assert line.times.clock_jumps == 1
 
 
-def test_p10_a_clock_jump_is_seen_after_drift() -> None:
-    line, drift = Line(), 1.0 + 5e-4
-    for number in range(1, 2001):
-        line.span(number, 1000.0 * number, now=1000.0 * number * drift)
+@pytest.mark.parametrize('drift', [-5e-5, 5e-5])
+def test_p10_a_jump_of_another_machine_is_seen_whose_clock_drifts(drift: float) -> None:
+    line = Line()
+    for number in range(1, 5001):
+        line.span(number, 1000.0 * number, clock=drift * 1000.0 * number)
+        line.wall = START + 10_000_000 * MS  # that of this machine tells nothing
+    later = 5_001_000.0
     assert line.times.clock_jumps == 0
-    line.span(2001, 2001e3, clock=100.0, now=2001e3 * drift)
+    assert line.span(5001, later, clock=drift * later + 100.0) == pytest.approx(1000.0, abs=0.1)
+    assert line.times.clock_jumps == 1
+    later += 7_200_000.0  # hours of silence
+    line.span(5002, later, clock=drift * later + 100.0)
+    assert line.times.clock_jumps == 1
+
+
+def test_p10_a_jump_back_on_a_late_sample_is_one_jump() -> None:
+    line = Line()
+    line.span(1, 0.0)
+    assert line.span(2, 5.0, clock=-200.0, delay=300.0) == pytest.approx(304.8)
+    assert line.span(3, 305.0, clock=-200.0) == pytest.approx(300.0)
+    assert line.times.clock_jumps == 1
+
+
+@pytest.mark.parametrize('number', [1, 3, None])
+def test_p10_a_jump_forward_is_seen_whoever_numbers(number: int | None) -> None:
+    """The publisher was restarted, or the middleware does not number."""
+    line = Line()
+    line.span(number and 1, 0.0)
+    line.span(number and 2, 5.0)
+    assert line.span(number, 55.0, clock=400.0) == pytest.approx(50.0)
     assert line.times.clock_jumps == 1
 
 

@@ -97,7 +97,8 @@ def frequency_response(system: StateSpace) -> Callable[[ArrayLike], Complex]:
     def at(omega: ArrayLike) -> Complex:
         s = 1j * np.asarray(omega, dtype=float)
         shift = np.expm1(s * h) if h > 0.0 else s
-        return np.asarray(c @ np.linalg.solve(shift[..., None, None] * one - rest, b) + d)
+        inputs = b.reshape((1,) * shift.ndim + b.shape)  # NumPy 1 takes b alone for many vectors
+        return np.asarray(c @ np.linalg.solve(shift[..., None, None] * one - rest, inputs) + d)
 
     return at
 

@@ -9,8 +9,9 @@ missing part added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor
+from contextlib import closing, ExitStack
 from hashlib import sha256
 from math import log
 from pathlib import Path
@@ -131,7 +132,9 @@ class TuningStudy:
         least = min((f.objective for f in known if f is not None), default=None)
         return '' if least is None else f'{self.label}: {self.tuning.objective} from {least:.4g}'
 
-    def generations(self, executor: Executor, tell: Callable[[], None]) -> Iterator[None]:
+    def generations(
+        self, executor: Executor, tell: Callable[[], None]
+    ) -> Generator[None, None, None]:
         """
         Go on generation by generation until all trials are stored.
 
@@ -147,11 +150,15 @@ class TuningStudy:
                 executor.submit(evaluate, self.judge, dict(trial.params), better)
                 for trial in asked
             ]
-            yield
-            for i, (trial, score) in enumerate(zip(asked, scores)):
-                self._tell(memory, trial, score.result())
-                self.known = len(history) + i + 1
-                tell()
+            try:
+                yield
+                for i, (trial, score) in enumerate(zip(asked, scores)):
+                    self._tell(memory, trial, score.result())
+                    self.known = len(history) + i + 1
+                    tell()
+            finally:
+                for score in scores:
+                    score.cancel()
             finished = memory.get_trials(deepcopy=False)[len(history) :]
             self.stored.add_trials(finished[begun:])
 
@@ -213,14 +220,17 @@ def run_studies(
     Run studies to their ends, in turn: while one proposes designs, those of the others are run.
 
     ``tell`` is called after each trial with how many are known in all, and the best of each study.
+    When one fails, designs that were not begun are cancelled.
     """
 
     def told() -> None:
-        tell(sum(one.known for one in studies), ', '.join(one.best for one in studies if one.best))
+        known = sum(min(one.known, one.tuning.trials) for one in studies)
+        tell(known, ', '.join(one.best for one in studies if one.best))
 
-    turns = [study.generations(executor, told) for study in studies]
-    while turns:
-        turns = [turn for turn in turns if next(turn, 'ended') != 'ended']
+    with ExitStack() as stack:
+        turns = [stack.enter_context(closing(one.generations(executor, told))) for one in studies]
+        while turns:
+            turns = [turn for turn in turns if next(turn, 'ended') != 'ended']
 
 
 def evaluate(judge: Judge, values: dict[str, float], better: Sequence[Figures]) -> Score:
