@@ -36,6 +36,7 @@ __all__ = [
     'LITERAL',
     'NESTED',
     'PRINTED',
+    'common_legend',
     'in_style',
     'panels',
     'render',
@@ -58,6 +59,14 @@ def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figu
     """Return a figure ``height`` inches high and its axes, always as an array (rows, columns)."""
     figure = Figure(figsize=(WIDTH, height), layout='constrained')
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def common_legend(figure: Figure, side: str, columns: int) -> None:
+    """Put one legend 'upper' or 'lower' than all panels; Matplotlib has 'outside' since 3.7."""
+    legend = figure.legend(loc=f'{side} center', ncol=columns)
+    height = legend.get_window_extent().height / figure.bbox.height
+    bottom = height if side == 'lower' else 0.0
+    figure.set_layout_engine('constrained', rect=(0.0, bottom, 1.0, 1.0 - height))
 
 
 def render(figure: Figure, file_format: str) -> bytes:

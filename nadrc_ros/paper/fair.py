@@ -25,7 +25,16 @@ from nadrc_ros.paper.candidates import (
     load_scenario,
     SCENARIO,
 )
-from nadrc_ros.paper.drawing import CONVENTIONAL, in_style, INK, LITERAL, NESTED, panels, PRINTED
+from nadrc_ros.paper.drawing import (
+    common_legend,
+    CONVENTIONAL,
+    in_style,
+    INK,
+    LITERAL,
+    NESTED,
+    panels,
+    PRINTED,
+)
 from nadrc_ros.paper.runs import metrics_of, statistics, without_noise
 from nadrc_ros.paper.section import Result, Section, Tell
 from nadrc_ros.scenario import Scenario
@@ -145,7 +154,7 @@ def figures(result: Result) -> dict[str, Figure]:
         axis.xaxis.set_major_formatter('{x:g}')
     axes[0, 1].set_yscale('log')
     axes[0, 1].yaxis.set_major_formatter('{x:g}')
-    figure.legend(loc='outside lower center', ncol=3)
+    common_legend(figure, 'lower', 3)
     return {'fair': figure}
 
 

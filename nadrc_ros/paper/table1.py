@@ -12,7 +12,16 @@ from functools import partial
 from math import sqrt
 
 from matplotlib.figure import Figure
-from nadrc_ros.paper.drawing import CONVENTIONAL, GREY, in_style, INK, NESTED, panels, PRINTED
+from nadrc_ros.paper.drawing import (
+    common_legend,
+    CONVENTIONAL,
+    GREY,
+    in_style,
+    INK,
+    NESTED,
+    panels,
+    PRINTED,
+)
 from nadrc_ros.paper.published import ALL, CASES, FIGURES, TABLE_1
 from nadrc_ros.paper.runs import metrics_of, Statistics, statistics, without_noise
 from nadrc_ros.paper.section import Result, Section, Tell
@@ -149,7 +158,7 @@ def figures(result: Result) -> dict[str, Figure]:
     axis.set_yticks(list(rows.values()), [LABELS[key] for key in rows])
     axis.invert_yaxis()
     axis.set_xlabel('difference from the paper [%]; bars: standard deviation of a single run')
-    figure.legend(loc='outside upper center', ncol=3)
+    common_legend(figure, 'upper', 3)
     return {'table_1': figure}
 
 
