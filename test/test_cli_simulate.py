@@ -182,9 +182,9 @@ def test_where_nothing_can_be_written_is_told(scenario: Path) -> None:
     for option in ('--json', '--plot'):
         done = nadrc('simulate', scenario, option, scenario.parent / 'nowhere' / 'out.png')
         assert done.exit_code == 1
-        assert done.stderr == f'nadrc: {scenario.parent}/nowhere: there is no such folder\n'
+        assert done.output == f'nadrc: {scenario.parent}/nowhere: there is no such folder\n'
     done = nadrc('simulate', scenario, '--json', scenario.parent)
-    assert (done.exit_code, done.stderr) == (1, f'nadrc: {scenario.parent}: Is a directory\n')
+    assert (done.exit_code, done.output) == (1, f'nadrc: {scenario.parent}: Is a directory\n')
 
 
 def test_usage_errors_are_those_of_the_command_line(scenario: Path) -> None:

@@ -158,7 +158,10 @@ def step(
         copy_vector(state.profile, profile)
         track(reference[0], design.tracking_acceleration, dt, profile)
     else:
-        copy_vector(reference, profile)
+        i = design.order
+        while i >= 0:
+            profile[i] = reference[i]
+            i -= 1
     observed = measurement
     if design.error_based:
         observed -= profile[0]

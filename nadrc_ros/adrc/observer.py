@@ -37,13 +37,14 @@ def update(
     """
     order = design.order
     last = design.states - 1
+    below = last - 1
     count = design.levels
     steps = scratch[count]  # speed, dt, dt / 2, dt / 3, ...
     if steps[1] != dt or steps[0] != speed:
         place(design, dt, speed, scratch)
     received = design.b0 * applied
     reach = design.reach
-    nonlinear = design.nonlinear
+    nonlinear, chained = design.nonlinear, design.chained
     # While loops: half the time of range() in plain Python.
     k = 0
     while k < count:
@@ -55,27 +56,35 @@ def update(
         while j > 0:
             j -= 1
             v += levels[j][order]
-        # The Taylor sums of the chain from x with v added to the state that it drives.
-        top = x[last] + v if last == order else x[last]
-        innovation = 0.0
-        i = 0
+        # The Taylor sums of the chain from x with v added to the state that it drives. That of the
+        # output is written out: it must be there before any state is corrected.
+        bottom = x[last]
+        top = bottom + v if last == order else bottom
+        ahead = top * steps[last]
+        j = below
+        while j > 0:
+            if j == order:
+                ahead += v
+            ahead = (ahead + x[j]) * steps[j]
+            j -= 1
+        ahead += x[0]
+        innovation = measurement - ahead
+        if nonlinear:
+            gains = softened(gains, abs(innovation) / design.eso_delta, scratch[count + 1])
+        z[0] = ahead + gains[0] * innovation
+        i = 1
         while i < last:
             ahead = top * steps[last - i]
-            j = last - 1
+            j = below
             while j > i:
                 if j == order:
                     ahead += v
                 ahead = (ahead + x[j]) * steps[j - i]
                 j -= 1
-            ahead += x[i]
-            if i == 0:
-                innovation = measurement - ahead
-                if nonlinear:
-                    gains = softened(gains, abs(innovation) / design.eso_delta, scratch[count + 1])
-            z[i] = ahead + gains[i] * innovation
+            z[i] = ahead + x[i] + gains[i] * innovation
             i += 1
-        z[last] = x[last] + gains[last] * innovation
-        if design.chained:
+        z[last] = bottom + gains[last] * innovation
+        if chained:
             measurement = z[0]
         k += 1
 
