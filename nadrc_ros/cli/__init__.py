@@ -14,5 +14,14 @@ def main() -> None:
         from nadrc_ros.cli.app import app
 
         app()
-    except KeyboardInterrupt:  # while the modules were being imported
+    except (Exception, KeyboardInterrupt) as error:  # while the modules were being imported
+        if not interrupted(error):
+            raise
         sys.exit(130)
+
+
+def interrupted(error: BaseException | None) -> bool:
+    """Tell whether Ctrl-C is behind an error: inside an import it may come out as another one."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None

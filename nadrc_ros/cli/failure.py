@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from nadrc_ros.cli import interrupted
 import typer
 
 USER_ERROR = 1
@@ -12,26 +13,30 @@ INTERRUPTED = 130
 
 
 @contextmanager
-def reporting(file: str = '') -> Iterator[None]:
+def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
     """
     Report what the user can mend on stderr, with the name of the file it is about.
 
-    Exit codes: 1 for an error of the user, 130 for Ctrl-C. Anything else is a bug and keeps its
-    traceback.
+    Exit codes: 1 for an error of the user, and 130 for Ctrl-C, when ``after_interrupt`` is said.
+    Anything else is a bug and keeps its traceback.
     """
     from nadrc_ros.adrc.errors import UserError
 
     try:
         yield
-    except UserError as error:
-        complain(f'{file}: {error}' if file else str(error))
+    except typer.Exit:
+        raise
+    except (Exception, KeyboardInterrupt) as error:
+        if interrupted(error):
+            complain(f'interrupted: {after_interrupt}' if after_interrupt else 'interrupted')
+            raise typer.Exit(INTERRUPTED) from None
+        if isinstance(error, UserError):
+            complain(f'{file}: {error}' if file else str(error))
+        elif isinstance(error, OSError):
+            complain(f'{error.filename}: {error.strerror}' if error.filename else str(error))
+        else:
+            raise
         raise typer.Exit(USER_ERROR) from None
-    except OSError as error:
-        complain(f'{error.filename}: {error.strerror}' if error.filename else str(error))
-        raise typer.Exit(USER_ERROR) from None
-    except KeyboardInterrupt:
-        complain('interrupted')
-        raise typer.Exit(INTERRUPTED) from None
 
 
 def complain(message: str) -> None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting
+from nadrc_ros.cli.failure import complain, reporting
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -137,11 +137,8 @@ def tune(
             raise UserError(f'tune needs {error.name}: pip install "nadrc_ros[tune]"') from None
         where = storage or str(folder / 'study.log')
         studies = _studies(scenario, names, tuning, open_storage(where), worker)
-        try:
-            _search(list(studies.values()), jobs)
-        except KeyboardInterrupt:
-            complain(f'interrupted: the study in {where} is kept; the same command goes on')
-            raise typer.Exit(INTERRUPTED) from None
+    with reporting(after_interrupt=f'the study in {where} is kept; the same command goes on'):
+        _search(list(studies.values()), jobs)
         _finish(path.stem, scenario, tuning, studies, isu, choose, folder)
 
 

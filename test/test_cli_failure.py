@@ -1,0 +1,41 @@
+"""How commands end when something went wrong."""
+
+from __future__ import annotations
+
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.cli.failure import reporting
+import pytest
+import typer
+
+
+def disguised(error: Exception) -> None:
+    """Raise what a library makes of Ctrl-C: `__set_name__` in an import, a lock being released."""
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        raise error  # noqa: B904 as a library might
+
+
+@pytest.mark.parametrize('error', [RuntimeError('set_name'), FileNotFoundError(2, 'gone', 'lock')])
+def test_ctrl_c_is_known_in_whatever_disguise(
+    error: Exception, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as ended, reporting(), reporting(after_interrupt='all is kept'):
+        disguised(error)
+    assert ended.value.exit_code == 130
+    assert capsys.readouterr().err == 'nadrc: interrupted: all is kept\n'
+
+
+@pytest.mark.parametrize('error', [UserError('no'), FileNotFoundError(2, 'no', 'it')])
+def test_what_the_user_can_mend_is_one_line(
+    error: Exception, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as ended, reporting():
+        raise error
+    assert ended.value.exit_code == 1
+    assert capsys.readouterr().err.count('\n') == 1
+
+
+def test_a_bug_keeps_its_traceback() -> None:
+    with pytest.raises(ZeroDivisionError), reporting():
+        raise ZeroDivisionError
