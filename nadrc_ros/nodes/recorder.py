@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timezone
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 import time
 from typing import Any
@@ -273,13 +273,16 @@ class RecorderNode(LiveNode):
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         lost = sum(self.lost.values())
-        waiting = [name for name, value in self._latest.items() if value != value]
+        unheard = [] if self.lockstep else [k for k, v in self._latest.items() if isnan(v)]
         values = {
             'rows': self._rows,
             'samples_lost': lost,
-            'waiting_for': ' '.join(waiting),
+            'waiting_for': ' '.join(unheard),
             'folder': self.folder.path,
         }
+        first = [name for name in ('measurement', 'command') if name in unheard]
+        if self.recording and first:  # without these there is no row
+            return WARN, f'waiting for {" and ".join(first)}', values
         if lost:
             return WARN, f'{lost} samples lost', values
         return OK, 'recording' if self.recording else 'done', values

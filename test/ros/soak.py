@@ -146,7 +146,7 @@ class Soak:
             self._begin(name)
         self._recover()
         self._go_wrong(UNTIL_CALM * self.duration, self._calm | self._wild)
-        self._kill('recorder')
+        self._begin_record()
         self.calm = len(self.measurements)
         self._go_wrong((1.0 - UNTIL_CALM) * self.duration, self._calm)
         self._recover()
@@ -192,6 +192,18 @@ class Soak:
             return good > 100
 
         self._probe.wait_until(settled)
+
+    def _begin_record(self) -> None:
+        """Start another recorder; a busy DDS may leave one deaf, which then says so."""
+        for _ in range(3):
+            self._kill('recorder')
+            reports = self._probe.said('recorder')
+            known, end = len(reports), time.monotonic() + 10.0
+            while time.monotonic() < end:
+                self._probe.spin(0.1)
+                if any('measurement' not in r[1] for r in reports[known + 1 :]):
+                    return
+        raise AssertionError('no recorder hears the plant')
 
     # ---- faults ----
 

@@ -12,7 +12,7 @@ import signal
 import time
 from typing import Any
 
-from nadrc_ros.nodes.diagnostics import WARN
+from nadrc_ros.nodes.diagnostics import OK, WARN
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.recording import (
@@ -123,6 +123,18 @@ def test_a_lost_measurement_leaves_a_gap_and_is_counted(
     assert not summary['complete']
     feed.probe.trigger('recorder/reset')
     assert sum(feed.recorder.lost.values()) == 0
+
+
+def test_what_hears_nothing_warns(make_probe: Callable[..., Probe], tmp_path: Path) -> None:
+    feed = Feed(make_probe, tmp_path)
+
+    def told() -> tuple[bytes, str]:
+        reports = feed.probe.said('recorder')
+        return reports[-1][:2] if reports else (b'', '')
+
+    feed.probe.wait_until(lambda: told() == (WARN, 'waiting for measurement and command'))
+    feed.sample()
+    feed.probe.wait_until(lambda: told() == (OK, 'recording'))
 
 
 def test_periods_that_the_plant_missed_leave_a_gap_and_are_no_loss(
