@@ -84,11 +84,14 @@ def test_p09_late_repeated_and_reordered_samples_are_counted_and_do_not_corrupt_
     assert highest - lowest > 0.5
     assert all(lowest - 0.2 < estimate < highest + 0.2 for estimate in estimates[m + 2 : -2])
     node.diagnostics.publish()
+    periods = str(node.ticker.periods)
     given, total = dict(node.given), (node.stamps[-1] - node.stamps[0]) * 1e-9
     assert min(given.values()) > 5
-    count = len(probe.said())
-    probe.wait_until(lambda: len(probe.said()) > count)
-    values = probe.said()[-1][2]
+
+    def published() -> list[dict[str, str]]:
+        return [report[2] for report in probe.said() if report[2]['periods'] == periods]
+
+    values = probe.wait_until(published)[-1]
     counted = {key: int(value) for key, value in values.items() if value.isdigit()}
     if trigger == 'measurement':
         disordered = given['repeated'] + given['late']
