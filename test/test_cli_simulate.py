@@ -178,13 +178,19 @@ def test_a_plant_that_runs_away_is_told_and_gives_finite_figures(scenario: Path)
     assert picture.exists()
 
 
-def test_where_nothing_can_be_written_is_told(scenario: Path) -> None:
-    for option in ('--json', '--plot'):
-        done = nadrc('simulate', scenario, option, scenario.parent / 'nowhere' / 'out.png')
-        assert done.exit_code == 1
-        assert done.output == f'nadrc: {scenario.parent}/nowhere: there is no such folder\n'
-    done = nadrc('simulate', scenario, '--json', scenario.parent)
-    assert (done.exit_code, done.output) == (1, f'nadrc: {scenario.parent}: Is a directory\n')
+def test_where_nothing_can_be_written_is_told(
+    scenario: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = scenario.parent
+    for option, file, said in (
+        ('--json', folder / 'nowhere' / 'out.png', f'{folder}/nowhere: there is no such folder'),
+        ('--plot', folder / 'nowhere' / 'out.png', f'{folder}/nowhere: there is no such folder'),
+        ('--json', folder, f'{folder}: Is a directory'),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            app(['simulate', str(scenario), option, str(file)])
+        assert ended.value.code == 1
+        assert capsys.readouterr().err == f'nadrc: {said}\n'
 
 
 def test_usage_errors_are_those_of_the_command_line(scenario: Path) -> None:

@@ -157,7 +157,7 @@ def step(
     if design.tracking_acceleration > 0.0:
         copy_vector(state.profile, profile)
         track(reference[0], design.tracking_acceleration, dt, profile)
-    else:
+    else:  # a call of copy_vector would take a fortieth of the step
         i = design.order
         while i >= 0:
             profile[i] = reference[i]
