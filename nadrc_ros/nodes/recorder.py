@@ -180,7 +180,8 @@ class RecorderNode(LiveNode):
     def _taker(self, name: str) -> Any:
         def take(value: float, info: Info) -> None:
             lost = self._losses[name].before(info['publication_sequence_number'])
-            self.lost[name] += lost
+            if self.recording and self._started:  # before the first row, none is missing
+                self.lost[name] += lost
             if name == 'measurement':
                 self._measure(value, self._places.of(info, self._now(), lost))
             if self.recording:

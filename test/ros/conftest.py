@@ -14,6 +14,7 @@ from typing import IO
 from probe import Probe, Processes
 import pytest
 
+pytest.register_assert_rewrite('accounting')
 DOMAINS = range(1, 101)
 _names = count(1)
 

@@ -168,7 +168,7 @@ def test_p07_silence_of_measurements_ends_at_safe_and_p04_good_ones_end_that(
         **CONTROL,
         safe_command=-2.0,
         command_rate_limit=20.0,
-        measurement_timeout=0.3,
+        measurement_timeout=1.0,
         good_samples=5,
     )
     probe.wait_until(lambda: commands and abs(commands[-1] + 5.0) < 0.5)
