@@ -18,17 +18,25 @@ Report = Callable[[], tuple[bytes, str, Mapping[str, object]]]
 
 
 class Diagnostics:
-    """Publishes level, message and values of a node once per second, and at once when asked."""
+    """
+    Publishes level, message and values of a node once per second, and at once when asked.
+
+    Simulated time that stands still from one second to the next is an ERROR: no timeout passes.
+    """
 
     def __init__(self, node: Node, report: Report) -> None:
         self._node = node
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._now = -1
+        self._stands_still = False
+        node.create_timer(1.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(self) -> None:
         """Publish now."""
         level, message, values = self._report()
+        if self._stands_still:
+            level, message = ERROR, f'{message}; /clock stands still'
         status = DiagnosticStatus(
             level=level,
             name=self._node.get_fully_qualified_name(),
@@ -40,6 +48,11 @@ class Diagnostics:
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
+
+    def _on_timer(self) -> None:
+        before, self._now = self._now, self._node.get_clock().now().nanoseconds
+        self._stands_still = self._now == before
+        self.publish()
 
 
 class Budget:

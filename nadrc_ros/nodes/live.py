@@ -13,6 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.nodes.graph import Loop
 from nadrc_ros.nodes.operation import check, Operator, Progress
+from nadrc_ros.nodes.runtime import stop_signals
 from nadrc_ros.records.recording import read_samples, SUMMARY
 from nadrc_ros.scenario import Scenario
 import rclpy
@@ -86,9 +87,10 @@ def run_realtime(
 def _loops(
     scenario: Scenario, names: list[str], directory: Path, *, lockstep: bool
 ) -> Iterator[list[Loop]]:
-    """Start loops, and stop them however the block is left; SIGTERM leaves it like Ctrl-C."""
+    """Start loops, and stop them however the block is left; any stop signal is like Ctrl-C."""
     loops: list[Loop] = []
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    numbers = stop_signals()
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
     try:
         for name in names:
             loops.append(Loop(scenario, name, directory / name, lockstep))
@@ -97,19 +99,19 @@ def _loops(
         yield loops
     finally:
         # A second Ctrl-C must not leave nodes behind.
-        interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)
         for loop in loops:
             loop.stop()
-        signal.signal(signal.SIGINT, interrupt)
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in zip(numbers, before):
+            signal.signal(number, handler)
 
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Let a Ctrl-C or SIGTERM come after the block: a process just made must not go unnoticed."""
+    """Let a stop signal come after the block: a process just made must not go unnoticed."""
     signals: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    numbers = stop_signals()
     before = [signal.signal(n, lambda received, _: signals.append(received)) for n in numbers]
     try:
         yield

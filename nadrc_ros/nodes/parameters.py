@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import pairwise
+import re
 from typing import Any, Generic, TypeVar
 
 from nadrc_ros.adrc.errors import SettingError, UserError
@@ -91,11 +93,19 @@ class ParameterGroup(Generic[T]):
             self._on_change(self.value)
 
 
-def refuse_undeclared(node: Node, parameters: Iterable[Parameter]) -> SetParametersResult | None:
-    """Return the refusal of a parameter that is not there; rclpy's own does not name it."""
+def refuse_unsettable(node: Node, parameters: Iterable[Parameter]) -> SetParametersResult | None:
+    """
+    Return the refusal of a parameter that is not there, which rclpy's own does not name.
+
+    And of another clock than the one that timers and stamps were made for.
+    """
     for p in parameters:
         if not node.has_parameter(p.name):
             error = SettingError(p.name, p.value, _known(node, p.name))
+            return SetParametersResult(successful=False, reason=str(error))
+        now = node.get_parameter(p.name).value
+        if p.name == 'use_sim_time' and p.value != now:
+            error = SettingError(p.name, p.value, f'{now}: it is fixed at start')
             return SetParametersResult(successful=False, reason=str(error))
     return None
 
@@ -151,6 +161,53 @@ def refuse_unknown(node: Node) -> None:
     for name, parameter in node._parameter_overrides.items():
         if not node.has_parameter(name) and not name.startswith(_FOREIGN):
             raise SettingError(name, parameter.value, _known(node, name))
+
+
+def refuse_unheard(node: Node, arguments: Sequence[str]) -> None:
+    """
+    Refuse parameter files that are for a node of this name and not for this one.
+
+    ROS passes over what is for other nodes, so that a controller in another namespace than its
+    file says would run with the default limits.
+
+    Raises
+    ------
+    UserError
+        Names the node, and those that the files are for.
+
+    """
+    files = [path for flag, path in pairwise(arguments) if flag == '--params-file']
+    if not files:
+        return
+    import yaml
+
+    keys: list[str] = []
+    for file in files:
+        with open(file, encoding='utf-8') as stream:
+            keys += _node_keys(yaml.safe_load(stream))
+    name, full = node.get_name(), node.get_fully_qualified_name()
+    others = [key for key in keys if key.rpartition('/')[2] == name]
+    if others and not any(_means(key, full) for key in keys):
+        raise UserError(
+            f'no parameters for {full} but for {", ".join(others)} in {" ".join(files)}: '
+            f'/**/{name} would be for it'
+        )
+
+
+def _node_keys(tree: Any, namespace: str = '') -> Iterator[str]:
+    """Give the nodes or patterns of a parameter file with their namespaces."""
+    for key, value in tree.items() if isinstance(tree, dict) else ():
+        if key == 'ros__parameters':
+            yield namespace
+        else:
+            yield from _node_keys(value, f'{namespace}/{str(key).strip("/")}')
+
+
+def _means(key: str, full: str) -> bool:
+    """Tell whether a node is meant: * stands for one part of a name, ** for any number."""
+    parts = {'*': r'/\w+', '**': r'(/\w+)*'}
+    pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in key.split('/')[1:])
+    return re.fullmatch(pattern, full) is not None
 
 
 def _known(node: Node, name: str) -> str:

@@ -18,8 +18,9 @@ from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameters import (
     name_odd_type,
     ParameterGroup,
-    refuse_undeclared,
+    refuse_unheard,
     refuse_unknown_types,
+    refuse_unsettable,
 )
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -61,6 +62,7 @@ class LiveNode(Node):
     def __init__(self, name: str, namespace: str = '') -> None:
         own = ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else None
         super().__init__(name, cli_args=own)
+        refuse_unheard(self, sys.argv)
         self.pacing = ParameterGroup(
             self, declared(PacingSettings), lambda values: build(PacingSettings, values)
         ).value
@@ -72,7 +74,7 @@ class LiveNode(Node):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> Any:
         """Set all or none; what is refused is always named."""
-        if refusal := refuse_undeclared(self, parameter_list):
+        if refusal := refuse_unsettable(self, parameter_list):
             return refusal
         result = super().set_parameters_atomically(parameter_list)
         return name_odd_type(self, parameter_list, result)
@@ -125,6 +127,18 @@ def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> 
         executor.spin_once(timeout_sec=left)
 
 
+def stop_signals() -> list[int]:
+    """
+    Return the signals that ask for an orderly stop: Ctrl-C, termination, the end of the terminal.
+
+    The last of them is left out where it is ignored, for which one starts a process with `nohup`.
+    """
+    ends: list[int] = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        ends.append(signal.SIGHUP)
+    return ends
+
+
 def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> None:
     """
     Run callbacks until ``over()``, which is looked at every POLL seconds.
@@ -160,7 +174,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
         for node in nodes:
             node.told_to_stop = True
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in stop_signals():
         signal.signal(number, on_signal)
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
@@ -241,7 +255,7 @@ def _tear_down(executor: Executor, nodes: Sequence[LiveNode], code: int, end: fl
     with the process, which peers notice late, and its shared memory stays.
     """
     # Python gives a handler up on its way out, and one more signal would then end the process.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in stop_signals():
         signal.signal(number, signal.SIG_IGN)
     end = max(end, time.monotonic() + DESTROY_TIME)
     signal.signal(signal.SIGALRM, signal.SIG_DFL)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+import copy
 import functools
 from math import nan
 from struct import Struct
@@ -48,6 +49,7 @@ class Sender:
     """A publisher of numbers."""
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile = SEND) -> None:
+        qos = copy.copy(qos)  # rclpy writes overrides into it
         self.publisher: Publisher = node.create_publisher(
             Float64, topic, qos, qos_overriding_options=_overridable(topic, qos)
         )
@@ -84,6 +86,7 @@ def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST)
         data, info = args if len(args) == 2 else args[0]
         callback(_number(data), info)
 
+    qos = copy.copy(qos)  # rclpy writes overrides into it
     subscription = node.create_subscription(
         Float64, topic, call, qos, qos_overriding_options=_overridable(topic, qos), raw=True
     )

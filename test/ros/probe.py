@@ -308,4 +308,4 @@ def _messages(values: Values) -> list[Any]:
     return [parameter.to_parameter_msg() for parameter in made]
 
 
-INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -219,7 +219,7 @@ class Soak:
         assert name in reason, (name, value, reason)
 
     def _change_reference(self) -> None:
-        signal_name = self._rng.choice(('constant', 'sine', 'square', 'triangle'))
+        signal_name = self._rng.choice(('constant', 'sine', 'square', 'trapezoid'))
         self._tell('reference', signal=signal_name, offset=self._rng.uniform(-1.0, 1.0))
 
     def _fail_plant(self) -> None:

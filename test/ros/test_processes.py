@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import count
 from pathlib import Path
 import signal
 from typing import Any
 
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.diagnostics import ERROR
 from nadrc_ros.nodes.graph import node_parameters, NODES
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.scenario import loads
 from probe import parameter_file, Probe, Processes
 import pytest
 from rclpy.qos import ReliabilityPolicy
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
 CONTROL: dict[str, Any] = {'rate': 100.0, 'plant_order': 1, 'b0': 1.0}
@@ -129,6 +132,49 @@ def test_yaml_overrides_the_quality_of_service(
     (reader,) = probe.node.get_subscriptions_info_by_topic(f'{namespace}/measurement')
     assert reader.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     assert probe.get('controller', *overrides) == ['reliable', 7]
+    # ... of that topic, and of no other
+    (reader,) = probe.node.get_subscriptions_info_by_topic(f'{namespace}/reference')
+    assert reader.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+def test_simulated_time_that_stands_still_is_an_error(make_probe: Callable[..., Probe]) -> None:
+    probe = make_probe(parameters={'controller': CONTROL | {'use_sim_time': True}})
+    probe.add(ControllerNode())
+    publisher = probe.node.create_publisher(Clock, '/clock', 10)
+    seconds = count(1)
+
+    def running() -> bool:
+        publisher.publish(Clock(clock=Time(seconds=next(seconds)).to_msg()))
+        return bool(probe.said()) and 'stands still' not in probe.said()[-1][1]
+
+    def standing() -> bool:
+        level, message, _ = probe.said()[-1]
+        return level == ERROR and message.endswith('; /clock stands still')
+
+    probe.wait_until(running)
+    probe.wait_until(standing)
+    probe.wait_until(running)
+
+
+@pytest.mark.parametrize('key', ['/controller', 'other/controller', '/*/*/controller'])
+def test_p13_a_file_for_another_controller_is_refused(
+    key: str, start: Processes, tmp_path: Path
+) -> None:
+    file = parameter_file(tmp_path / 'robot.yaml', {key: {'command_max': 1.0}, '/plant': {}})
+    process = start('controller', file=file)
+    assert process.end() == 1
+    assert f'cannot start: no parameters for {start.namespace}/controller but for' in process.said
+    assert '/**/controller would be for it' in process.said
+    assert 'Traceback' not in process.said
+
+
+@pytest.mark.parametrize('key', ['/**', '/**/controller', '/*/controller', '/plant'])
+def test_a_file_for_all_or_for_other_nodes_is_not_refused(
+    key: str, probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    file = parameter_file(tmp_path / 'robot.yaml', {key: {'rate': 150.0}})
+    start('controller', file=file)
+    assert probe.get('controller', 'rate') == [200.0 if key == '/plant' else 150.0]
 
 
 def test_simulated_time_paces_the_nodes_and_may_step_back(
