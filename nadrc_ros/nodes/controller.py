@@ -19,7 +19,7 @@ from nadrc_ros.nodes.axes import axes_asked, axis_namespace, refuse_unequal
 from nadrc_ros.nodes.diagnostics import Budget, Diagnostics, ERROR, Latencies, OK, WARN
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import Beat, Ticker, Watch
+from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
@@ -93,8 +93,6 @@ class ControllerNode(LiveNode):
         ).value
         refuse_unknown(self)
         self.controller = Controller(settings, enabled=loop.enabled_at_start)
-        self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
-
         derivatives = reference_topics(settings)[1:]
         self._reference: list[float | None] = [None] * (1 + len(derivatives))
         self._sample: tuple[float, Info, int] | None = None
@@ -102,11 +100,12 @@ class ControllerNode(LiveNode):
         self._idle = 0
         self._shown = self.controller.watch[:2]
         self._stopping = False
-        self._silent = False
+        self._silent = self.controller.quiet
+        self._silent_at_stop = False
         self.latencies = Latencies()
         self._news = Budget(*NEWS)
         self.lockstep: Lockstep | None = None
-        self._watch: Watch | None = None
+        self._sample_ticker: SampleTicker | None = None
         inputs = ['measurement', 'reference', *derivatives]
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
@@ -121,9 +120,9 @@ class ControllerNode(LiveNode):
             rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
             self.beat: Beat = first.beat if first and by_timer else Beat(self, rate)
             if not by_timer:
-                self._watch = Watch(self, self.beat, rate, self._step)
-                self._watch.notice_within(settings.measurement_timeout)
-            self.ticker = self._watch or Ticker(self.beat, rate, self._step)
+                self._sample_ticker = SampleTicker(self, self.beat, rate, self._step)
+                self._sample_ticker.notice_within(settings.measurement_timeout)
+            self.ticker = self._sample_ticker or Ticker(self.beat, rate, self._step)
             stamped = not self.get_parameter('use_sim_time').value
             self._times = SampleTimes(self.pacing.period, stamped)
             self._ticked = self.ticker.now()
@@ -136,6 +135,8 @@ class ControllerNode(LiveNode):
         self._steps = 0
         self._look: Beat = first._look if first else Beat(self, 1.0 / LOOK, steady=True)
         self._look.listeners.append(self._estimates.look)
+        # Last, as a node that fails to start should leave no file behind.
+        self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
         self.diagnostics = Diagnostics(self, self._report)
 
     # ---- parameters and services ----
@@ -150,8 +151,8 @@ class ControllerNode(LiveNode):
 
     def _retune(self, settings: ControllerSettings) -> None:
         self.controller.retune(settings)
-        if self._watch is not None:
-            self._watch.notice_within(settings.measurement_timeout)
+        if self._sample_ticker is not None:
+            self._sample_ticker.notice_within(settings.measurement_timeout)
         if self.trace is not None:
             self.trace.settings(settings)
 
@@ -183,9 +184,9 @@ class ControllerNode(LiveNode):
             self._overwritten += 1
             self._times.saw(self._sample[1])
         self._sample = value, info, self.ticker.now()
-        if self._watch is not None:
+        if self._sample_ticker is not None:
             self._step()
-            self._watch.count(info['publication_sequence_number'])
+            self._sample_ticker.count(info['publication_sequence_number'])
 
     def _reference_taker(self, index: int) -> Any:
         def take(value: float, _: Info) -> None:
@@ -223,11 +224,12 @@ class ControllerNode(LiveNode):
         self, measurement: float, dt: float, elapsed: float, reference: Reference | None
     ) -> None:
         controller = self.controller
-        quiet = controller.quiet
         applied, settings = controller.command, controller.settings
         command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
-        if not (quiet and controller.quiet) or self.lockstep is not None:
+        if not (self._silent and controller.quiet) or self.lockstep is not None:
             self._command.send(command)
+        sent_safe = command == controller.settings.safe_command
+        self._silent = controller.quiet and (self._silent or sent_safe)
         self._steps += 1
         if self._steps % self._divisor == 0:
             self._estimates.send(controller)
@@ -308,19 +310,19 @@ class ControllerNode(LiveNode):
     def begin_stop(self) -> None:
         """Ramp to the safe command; a silent one stays so, as another may be in control."""
         self._stopping = True
-        self._silent = self.controller.quiet
+        self._silent_at_stop = self._silent
         self.controller.enabled = False
 
     @property
     def stopped(self) -> bool:
         """Tell whether the safe command was reached."""
-        return self.lockstep is not None or self.controller.quiet
+        return self.lockstep is not None or self._silent
 
     def close(self) -> None:
         """Send the safe command, whatever the rate limit, and make sure that it arrives."""
         if self.lockstep is not None:
             self.lockstep.flush()
-        if not self._silent and (self.lockstep is None or not self.lockstep.complete):
+        if not self._silent_at_stop and (self.lockstep is None or not self.lockstep.complete):
             self._tell_if_cut_short()
             self._command.send_last(self.controller.settings.safe_command)
         if self.trace is not None:

@@ -156,7 +156,7 @@ class Ticker:
         return max(elapsed, 0.0)
 
 
-class Watch(Ticker):
+class SampleTicker(Ticker):
     """
     Counts the samples that come by themselves as periods, and ticks in their place in silence.
 

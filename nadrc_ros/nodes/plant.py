@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 import attrs
@@ -208,7 +208,7 @@ class PlantNode(LiveNode):
         for i in range(periods):
             acting = self.process.act(command)
             if i == 0:
-                self._truth.send(self.process.total_disturbance(command, acting))
+                self._truth.send(self._total_disturbance(command, acting))
             finite = self.process.advance(acting)
         if not finite and not self._diverged:
             self._diverged = True
@@ -216,6 +216,13 @@ class PlantNode(LiveNode):
                 f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '
                 'its output is not a number from here on'
             )
+
+    def _total_disturbance(self, command: float, acting: float) -> float:
+        """Return the truth, nan where a user's plant has none: its integration then ends too."""
+        try:
+            return self.process.total_disturbance(command, acting)
+        except (OverflowError, ValueError):
+            return nan
 
     def _send_sample(self) -> None:
         for sample in self.process.samples(self.process.measurement):

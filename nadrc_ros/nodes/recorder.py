@@ -34,9 +34,13 @@ from nadrc_ros.records.recording import (
 )
 from nadrc_ros.simulation.metrics import Metrics
 from rclpy.clock import Clock, ClockType
+from rclpy.qos import ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 FLUSH = 0.2
+# So much faster or slower than they should, measurements are not those of this rate.
+OFF_RATE = 0.05
+BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 
 
@@ -104,19 +108,21 @@ class RecorderNode(LiveNode):
         self._places = Places(self.pacing.rate, stamped=not self._simulated)
         self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
-        self._open_run()
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
             for topic in topics.values():
                 self.lockstep.add_input(topic)
         else:
-            for name, topic in topics.items():
-                receive(self, topic, self._taker(name), RECORD)
+            self._heard = {
+                name: receive(self, topic, self._taker(name), RECORD)
+                for name, topic in topics.items()
+            }
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(FLUSH, self._on_flush, clock=steady)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(Trigger, '~/save', self._on_save)
+        self._open_run()  # last, as a node that fails to start should leave no folder behind
         self.diagnostics = Diagnostics(self, self._report)
 
     # ---- the run ----
@@ -169,11 +175,18 @@ class RecorderNode(LiveNode):
             self._stop_on_full_disk(error)
 
     def _summary(self) -> dict[str, Any]:
+        by_signal = self._lost_by_signal()
         return summary(self._run, self.metrics, self._rows, self._index + 1) | {
-            'samples_lost': sum(self.lost.values()),
-            'samples_lost_by_signal': {name: n for name, n in self.lost.items() if n},
+            'samples_lost': None if by_signal is None else sum(by_signal.values()),
+            'samples_lost_by_signal': by_signal,
             'complete': not self.recording,
         }
+
+    def _lost_by_signal(self) -> dict[str, int] | None:
+        """Return what was lost, None where the middleware does not number what it sends."""
+        if any(losses.unknown for losses in self._losses.values()):
+            return None
+        return {name: n for name, n in self.lost.items() if n}
 
     # ---- samples ----
 
@@ -273,20 +286,39 @@ class RecorderNode(LiveNode):
         return response
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
-        lost = sum(self.lost.values())
+        by_signal = self._lost_by_signal()
+        lost = None if by_signal is None else sum(by_signal.values())
         unheard = [] if self.lockstep else [k for k, v in self._latest.items() if isnan(v)]
         values = {
             'rows': self._rows,
-            'samples_lost': lost,
+            'samples_lost': 'unknown' if lost is None else lost,
+            'measured_rate': self._places.measured_rate,
             'waiting_for': ' '.join(unheard),
             'folder': self.folder.path,
         }
         first = [name for name in ('measurement', 'command') if name in unheard]
         if self.recording and first:  # without these there is no row
-            return WARN, f'waiting for {" and ".join(first)}', values
+            return WARN, f'waiting for {" and ".join(first)}{self._best_effort(first)}', values
+        if self._off_rate():
+            measured, rate = self._places.measured_rate, self.pacing.rate
+            message = f'measurements come at {measured:.4g} Hz and the rate is {rate:g} Hz'
+            return WARN, f'{message}: times and figures are wrong', values
         if lost:
             return WARN, f'{lost} samples lost', values
         return OK, 'recording' if self.recording else 'done', values
+
+    def _off_rate(self) -> bool:
+        measured = 0.0 if self._simulated else self._places.measured_rate
+        return measured > 0.0 and abs(measured / self.pacing.rate - 1.0) > OFF_RATE
+
+    def _best_effort(self, names: list[str]) -> str:
+        """Return how to hear those that are published, but not as reliably as is asked for."""
+        for topic in (self._heard[name] for name in names):
+            publishers = self.get_publishers_info_by_topic(topic)
+            if any(p.qos_profile.reliability == BEST_EFFORT for p in publishers):
+                name = f'qos_overrides.{topic}.subscription.reliability'
+                return f': {topic} is published as best effort, so start with {name} best_effort'
+        return ''
 
     def close(self) -> None:
         """Write the summary."""

@@ -68,7 +68,7 @@ class ReferenceNode(LiveNode):
 
     def _send_sample(self) -> None:
         values = sample_reference(self._signal.value, self.k, self.pacing.rate)
-        # The derivatives first: a controller triggered by the reference then has all of them.
+        # The derivatives first: a controller takes those that came with or before the reference.
         for sender, value in zip(reversed(self._senders), reversed(values)):
             sender.send(value)
 

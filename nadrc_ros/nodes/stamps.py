@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from statistics import median
 import time
 
 from nadrc_ros.nodes.topics import Info
@@ -16,6 +18,10 @@ EARLY = 10_000_000
 EARLY_PERIODS = 5
 # The clocks of two machines drift apart by no more than that, but when one is being corrected.
 DRIFT = 1e-4
+# A first sample may be late: for so long that counts, and how early it could be here.
+LEARN = 1_000_000_000
+# So many samples tell how fast they come.
+FEW, MANY = 20, 100
 # More publishers of one topic are not told apart.
 PUBLISHERS = 8
 
@@ -47,7 +53,9 @@ class SampleTimes:
         self.clock_jumps = 0
         self.out_of_order = 0
         self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
-        self._least_delay = 0  # from stamp to receipt [ns], with the difference of their clocks
+        # From stamp to receipt [ns], with the difference of their clocks: the least so far, and
+        # until when it is at least what it is on a machine with our clock.
+        self._least_delay = self._bound = self._bound_until = 0
         self._period = period
         self._stamped = stamped
         self._wall = wall
@@ -73,7 +81,7 @@ class SampleTimes:
         seen, self._seen = self._seen, number
         if self._last is None:
             self._last = stamp, now, number
-            self._least_delay = self._least(stamp, now)
+            self._learn_delay(stamp, now)
             return self._period
         source, receipt = stamp - self._last[0], now - self._last[1]
         if not self._stamped:
@@ -84,20 +92,25 @@ class SampleTimes:
         backward = source <= 0 if self._stamped else source < 0
         # A stall makes a sample late and the next one less so; none comes earlier than it can.
         drift = int(DRIFT * max(0, receipt))
-        early = self._least_delay - (now - stamp) > self._early + drift
+        least = self._least_delay
+        if now < self._bound_until:
+            least = min(least, self._bound)
+        early = least - (now - stamp) > self._early + drift
         if (early and self._stamped) or (goes_on and backward):
             self.clock_jumps += 1
             source = max(0, receipt)
-            self._least_delay = self._least(stamp, now)
+            self._learn_delay(stamp, now)
         elif source <= 0:
             return float(source) * 1e-9
         self._least_delay = min(self._least_delay + min(drift, self._early // 2), now - stamp)
         self._last = stamp, now, number
         return float(source) * 1e-9
 
-    def _least(self, stamp: int, now: int) -> int:
-        """Return the least delay as far as it is known: this one may be late already."""
-        return now - max(stamp, self._wall())
+    def _learn_delay(self, stamp: int, now: int) -> None:
+        """Begin with the delay of a sample that may be late already."""
+        self._least_delay = now - stamp
+        self._bound = now - max(stamp, self._wall())
+        self._bound_until = now + max(LEARN, self._early)
 
 
 def _follows(number: int | None, seen: int | None, last: int | None, far_back: bool) -> bool:
@@ -128,12 +141,21 @@ class Places:
         self._times = SampleTimes(1.0 / rate, stamped)
         self._elapsed = -1.0 / rate
         self._place = -1
+        self._spacings: deque[float] = deque(maxlen=MANY)
 
     def of(self, info: Info, now: int, lost: int) -> int:
         """Return the place of a sample that came ``now`` [ns] with so many lost before it."""
-        self._elapsed += max(0.0, self._times.span(info, now))
+        span = self._times.span(info, now)
+        if span > 0.0:
+            self._elapsed += span
+            self._spacings.append(span / (1 + lost))
         self._place = max(self._place + 1 + lost, round(self._elapsed * self._rate))
         return self._place
+
+    @property
+    def measured_rate(self) -> float:
+        """Return how many samples come per second [Hz], lost ones included; 0 = not known yet."""
+        return 1.0 / median(self._spacings) if len(self._spacings) >= FEW else 0.0
 
 
 class Losses:
@@ -147,11 +169,13 @@ class Losses:
 
     def __init__(self) -> None:
         self.newest = 0
+        self.unknown = False  # this middleware does not number
         self._last: list[int] = []
 
     def before(self, number: int | None) -> int:
-        """Return how many samples were lost right before this one; 0 where nobody numbers them."""
+        """Return how many samples were lost right before this one; 0 where that is unknown."""
         if number is None:
+            self.unknown = True
             return 0
         self.newest = number
         known = [last for last in self._last if last < number]

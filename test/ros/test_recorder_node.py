@@ -25,6 +25,8 @@ from nadrc_ros.records.recording import (
 )
 from probe import Probe, Processes
 import pytest
+from rclpy.qos import qos_profile_sensor_data, ReliabilityPolicy
+from std_msgs.msg import Float64
 
 RATE = 100.0
 # Of a feed: so slow that samples as they come never look like missed periods.
@@ -135,6 +137,57 @@ def test_what_hears_nothing_warns(make_probe: Callable[..., Probe], tmp_path: Pa
     feed.probe.wait_until(lambda: told() == (WARN, 'waiting for measurement and command'))
     feed.sample()
     feed.probe.wait_until(lambda: told() == (OK, 'recording'))
+
+
+def test_measurements_of_another_rate_are_told(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)  # of one a second
+    for _ in range(30):
+        feed.sample()
+    level, message, values = feed.recorder._report()
+    assert level == WARN
+    assert message.endswith('Hz and the rate is 1 Hz: times and figures are wrong')
+    assert values['measured_rate'] > 2.0
+
+
+def test_a_best_effort_publisher_is_told_and_heard_when_asked_for(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    topic = f'{start.namespace}/measurement'
+    name = f'qos_overrides.{topic}.subscription.reliability'
+    values: dict[str, Any] = {'inputs': INPUTS, 'directory': str(tmp_path)}
+    sensor = probe.node.create_publisher(Float64, 'measurement', qos_profile_sensor_data)
+    command = probe.publisher('command')
+    deaf = start('recorder', **values)
+    told = f'waiting for measurement and command: {topic} is published as best effort'
+    probe.wait_until(lambda: any(said[1].startswith(told) for said in probe.said('recorder')))
+    assert f'start with {name} best_effort' in probe.said('recorder')[-1][1]
+    deaf.signal(signal.SIGINT)
+    assert probe.end_of(deaf) == 0
+    start('recorder', **values | {name: 'best_effort'})
+
+    def recorded() -> bool:
+        sensor.publish(Float64(data=1.0))
+        command(2.0)
+        return int(probe.said('recorder')[-1][2]['rows']) > 0
+
+    probe.wait_until(recorded)
+    (reader,) = probe.node.get_subscriptions_info_by_topic(f'{start.namespace}/command')
+    assert reader.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_without_publication_numbers_losses_are_unknown(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    feed.sample()
+    assert feed.recorder._report()[2]['samples_lost'] == 0
+    stamps = {'source_timestamp': 0, 'received_timestamp': 0}
+    feed.recorder._taker('output')(1.0, {**stamps, 'publication_sequence_number': None})
+    assert feed.recorder._report()[2]['samples_lost'] == 'unknown'
+    assert feed.recorder._summary()['samples_lost'] is None
+    assert feed.recorder._summary()['samples_lost_by_signal'] is None
 
 
 def test_periods_that_the_plant_missed_leave_a_gap_and_are_no_loss(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.nodes.stamps import SampleTimes
+from nadrc_ros.nodes.stamps import Places, SampleTimes
 import pytest
 
 MS = 1_000_000
@@ -11,9 +11,10 @@ START = 1_700_000_000_000 * MS
 
 
 class Line:
-    """Samples on their way: sent at a time, received a little later."""
+    """Samples on their way, from a clock that is ``behind`` [ms]; received a little later."""
 
-    def __init__(self, stamped: bool = True) -> None:
+    def __init__(self, stamped: bool = True, behind: float = 0.0) -> None:
+        self.behind = behind
         self.wall = START
         self.times = SampleTimes(PERIOD, stamped, lambda: self.wall)
 
@@ -30,11 +31,11 @@ class Line:
         stamp = START + round((sent + clock) * MS)
         info = {
             'source_timestamp': stamp,
-            'received_timestamp': stamp + round(delay * MS),
+            'received_timestamp': stamp + round((self.behind + delay) * MS),
             'publication_sequence_number': number,
         }
         own = sent + delay if now is None else now
-        self.wall = START + round((own + clock) * MS)
+        self.wall = START + round((own + clock + self.behind) * MS)
         return 1e3 * self.times.span(info, round(own * MS))
 
 
@@ -72,6 +73,32 @@ def test_p10_what_a_stall_made_late_is_no_clock_jump() -> None:
     assert line.times.clock_jumps == 0
     assert line.span(143, late + 305.0, clock=200.0) == pytest.approx(5.0)
     assert line.times.clock_jumps == 1
+
+
+def test_p10_a_jump_of_a_clock_that_was_behind_from_the_start_is_seen() -> None:
+    line = Line(behind=400.0)
+    for number in range(1, 301):
+        line.span(number, 5.0 * number)
+    line.behind = 0.0  # now it is set right
+    assert line.span(301, 1505.0, clock=400.0) == pytest.approx(5.0)
+    assert line.times.clock_jumps == 1
+    assert line.span(302, 1510.0, clock=400.0) == pytest.approx(5.0)
+    assert line.times.clock_jumps == 1
+
+
+@pytest.mark.parametrize('period', [4.0, 5.0, 20.0])
+def test_places_tell_how_fast_samples_come(period: float) -> None:
+    places = Places(1.0 / PERIOD)
+    for number in range(1, 31):
+        assert places.measured_rate == 0.0 or number > 20
+        stamp = START + round(period * number * MS)
+        info = {
+            'source_timestamp': stamp,
+            'received_timestamp': stamp,
+            'publication_sequence_number': number,
+        }
+        places.of(info, round(period * number * MS), 0)
+    assert places.measured_rate == pytest.approx(1e3 / period)
 
 
 @pytest.mark.parametrize('drift', [-5e-5, 5e-5])
