@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import copysign, sqrt
+from math import copysign, isfinite, sqrt
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -65,10 +65,10 @@ def test_a_moving_reference_is_trailed_by_the_distance_of_a_stop(r: float, v: fl
     profile = [0.0, 0.0, 0.0]
     for k in range(3001):
         track(v * k * H, r, H, profile)
-    lag = v * 3001 * H - profile[0]
+    lag = v * 3000 * H - profile[0]  # behind the reference of the same tick
     assert profile[1] == pytest.approx(v, abs=1e-9)
     if abs(v) > 2 * r * H:
-        assert lag == pytest.approx(copysign(v * v / (2 * r), v) + 1.5 * H * v, rel=1e-3)
+        assert lag == pytest.approx(copysign(v * v / (2 * r), v) + 0.5 * H * v, rel=1e-3)
     else:
         assert abs(lag) < 5 * H * abs(v)
 
@@ -91,7 +91,7 @@ def test_it_never_raises(target: float, r: float, h: float, start: list[float]) 
     for x1, x2 in (start, [target, 0.0]):
         profile = [x1, x2, 0.0]
         track(target, r, h, profile)
-        assert profile == profile
+        assert all(map(isfinite, profile))
 
 
 def test_an_acceleration_too_small_to_square_is_no_division_by_zero() -> None:

@@ -98,7 +98,9 @@ def test_the_parameters_that_are_set_exist() -> None:
 
 
 def test_the_parameters_for_a_first_run_fit_together() -> None:
-    (values,) = (page['/controller']['ros__parameters'] for page in YAML if '/controller' in page)
+    (values,) = (
+        page['/**/controller']['ros__parameters'] for page in YAML if '/**/controller' in page
+    )
     for name, value in values.items():
         assert PARAMETERS['controller'][name].accepts(value), name
     law = {name: value for name, value in values.items() if name in declared(ControllerSettings)}

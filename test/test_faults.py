@@ -110,6 +110,14 @@ def test_what_is_overtaken_comes_two_periods_late_after_newer_ones() -> None:
     assert len(set(arrived)) == len(arrived) >= 196
 
 
+def test_p09_of_samples_that_come_together_the_newest_is_used() -> None:
+    """Only where the fresh sample is held back too does a late one come alone, and is refused."""
+    fault = MeasurementFault(kind='reordered', probability=0.3, start=BEGIN, duration=END - BEGIN)
+    result = in_the_loop(measurement=(fault,))
+    share = result.status_counts['bad_time_step'] / (200.0 * (END - BEGIN))
+    assert share == pytest.approx(0.3 * 0.3, abs=0.05)
+
+
 def test_a_clock_jump_is_one_of_the_stamps() -> None:
     jump = MeasurementFault(kind='clock_jump', time=0.5, **WINDOW)
     injector = Injector(Faults(measurement=(jump,)), RATE, 0)

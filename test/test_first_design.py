@@ -15,7 +15,7 @@ from nadrc_ros.adrc.theory.transfer import controller
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Result, simulate
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.tuning.design.advice import WORTH
+from nadrc_ros.tuning.design.advice import advice, advised, WORTH
 from nadrc_ros.tuning.design.bandwidths import BAND, readable, settling_factor
 from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidates, single
 from nadrc_ros.tuning.design.experiment import expect, experiment
@@ -95,6 +95,17 @@ def test_margins_equal_those_of_python_control(values: dict[str, Any]) -> None:
     assert min(modulus) == pytest.approx(found.modulus, rel=1e-3)
 
 
+@pytest.mark.parametrize('values', ({'noise_std': 0.0}, *CASES))
+def test_an_input_gain_that_is_wrong_for_ever_is_one_that_is_wrong_in_any_way(
+    values: dict[str, Any],
+) -> None:
+    asked = wanted(**values)
+    for candidate in candidates(asked):
+        found = candidate.prediction
+        share, margins = found.input_gain_margin, found.margins
+        assert 0.1 < share <= min(1.0 - margins.gain_low, margins.gain_high - 1.0) * (1.0 + 1e-6)
+
+
 @pytest.mark.parametrize('values', ({'order': 1}, {'structure': 'nested'}, {'half_gain': True}))
 def test_the_command_is_as_noisy_as_predicted(values: dict[str, Any]) -> None:
     """The sample variance of blocks, within four of its standard errors; at rest otherwise."""
@@ -149,6 +160,24 @@ def test_the_advice_follows_the_disturbance() -> None:
         assert chosen == 'conventional' or share < WORTH
         named = {'nested_2': 'two nested', 'nested_3': 'three nested', 'conventional': 'one'}
         assert design.advice.startswith(f'Take {named[chosen]} observer')
+
+
+def test_each_candidate_that_is_not_taken_has_a_reason_of_its_own() -> None:
+    asked = wanted()
+    one, two, three = candidates(asked)
+
+    def left(c: Candidate, share: float, modulus: float) -> Candidate:
+        margins = c.prediction.margins._replace(modulus=modulus)
+        error = share * one.prediction.error
+        return attrs.evolve(c, prediction=c.prediction._replace(error=error, margins=margins))
+
+    found = [one, left(two, 0.85, 0.45), left(three, 0.7, 0.35)]
+    assert advised(found) is one
+    assert (
+        'two nested observers leave 85 % of its error under a step of the disturbance, which is '
+        'too little for the margins lost; three nested observers leave 70 % of its error under a '
+        'step of the disturbance, but come too near to instability (modulus 0.35, wanted 0.4).'
+    ) in advice(asked, found, one)
 
 
 def test_what_was_asked_for_is_taken_whatever_the_advice() -> None:
@@ -222,6 +251,15 @@ def test_a_slow_loop_at_a_high_rate_is_predicted_as_a_fast_one() -> None:
     )
     assert slow.settling_time == pytest.approx(400.0, rel=1e-3)
     assert slow.error / fast.error == pytest.approx(800.0**3, rel=0.02)
+
+
+def test_a_delay_that_is_short_for_a_slow_loop_changes_its_margins_little() -> None:
+    slow = wanted(noise_std=0.0, settling_time=400.0)
+    late = attrs.evolve(slow, delay=0.006)
+    before, after = (predict(single(slow).settings, each).margins for each in (slow, late))
+    assert after.delay == pytest.approx(before.delay - 0.006, rel=1e-3)
+    for name in ('gain_low', 'phase', 'modulus', 'crossover'):
+        assert getattr(after, name) == pytest.approx(getattr(before, name), rel=0.01)
 
 
 def test_noise_that_would_fill_the_range_of_the_command_is_refused() -> None:

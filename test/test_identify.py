@@ -10,11 +10,12 @@ import attrs
 from bench.identify import scenarios, study
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.recorded_run import RecordedRun
+from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.tuning.identification.advice import advise, scenario_of
-from nadrc_ros.tuning.identification.estimate import robust_error
+from nadrc_ros.tuning.identification.estimate import Estimate, robust_error
 from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import is_one_sine, log_of, noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Form, Log, plant_polynomials
@@ -108,8 +109,49 @@ def test_a_command_that_comes_late_is_seen_as_that(lag: RecordedRun) -> None:
     advice = advise(plant, log_of(lag))
     assert advice.limit == 'lateness'
     scenario = scenario_of(plant, log_of(lag), advice.settings)
-    assert scenario.faults.delay == pytest.approx(0.07, abs=5e-3)
+    assert scenario.faults.delay(scenario.rate) == pytest.approx(0.07, abs=5e-3)
     assert scenario.run('identified').status_counts['no_measurement'] == 7
+
+
+def test_a_delay_is_that_of_the_nearest_whole_periods(lag: RecordedRun) -> None:
+    log = log_of(lag)
+    plant = identify(log, 1)
+    for late, periods in ((0.0049, 0), (0.0098, 1), (0.01003, 1), (0.0701, 7)):
+        lateness = Estimate(value=late, error=1e-4)
+        delayed = attrs.evolve(plant, late='delay', lateness=lateness)
+        scenario = scenario_of(delayed, log, advise(plant, log).settings)
+        found = scenario.faults.delay(scenario.rate)
+        assert found == pytest.approx(periods * plant.period, abs=1e-12)
+
+
+@pytest.mark.parametrize('rate', [5.0, 1.0])
+def test_a_slow_log_is_no_other_one(rate: float) -> None:
+    """Timeouts of an oven, which is sampled once per second, are those of its periods."""
+    text = LAG.replace('rate: 100', f'rate: {rate:g}').replace('damping: 2', 'damping: 0.05')
+    text = text.replace('duration: 20', 'duration: 600').replace(
+        'frequency: 1}', 'frequency: 0.05}'
+    )
+    text = text.replace('frequency: 0.7', 'frequency: 0.03').replace(
+        'inner_bandwidth: 15',
+        'inner_bandwidth: 0.3, controller_bandwidth: 0.06, measurement_timeout: 5, max_dt: 5',
+    )
+    log = log_of(run_of(loads(text)))
+    plant = identify(log)
+    assert plant.b0.low < 5.0 < plant.b0.high
+    settings = advise(plant, log).settings
+    settings.check_rate(rate)
+    assert scenario_of(plant, log, settings).rate == rate
+
+
+def test_a_run_that_was_not_recorded_at_the_rate_of_its_sensor_is_refused(
+    lag: RecordedRun,
+) -> None:
+    stamps = 7.0 + lag.columns['time']
+    log_of(with_columns(lag, measurement_stamp=1.01 * stamps))
+    with pytest.raises(
+        RecordingError, match='5 times as dense: record with the rate of the sensor'
+    ):
+        log_of(with_columns(lag, measurement_stamp=0.2 * stamps))
 
 
 def test_limits_stay_of_the_sign_that_the_command_had(lag: RecordedRun) -> None:

@@ -61,7 +61,7 @@ def test_the_article_says_what_a_calibrated_scenario_is_and_the_verdict(page: st
     assert 'parameters of the paper were' in page
     for words in (
         'about 10 %',
-        'in noise-free disturbance rejection',
+        'in tracking without noise',
         'not worth 70 %',
         '7.5 % is not reproduced',
     ):

@@ -7,6 +7,7 @@ from math import sin
 
 from law_helpers import Chain, state_bits
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.law import approach, disturbance_estimate, output_estimate
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Cause
@@ -81,6 +82,26 @@ def test_p07_the_hold_of_a_lost_reference_begins_without_a_bump() -> None:
         chain.advance(commands[-1], H)
     steps = [abs(b - a) for a, b in pairwise(commands[190:])]
     assert max(steps) < 1.0  # dropped at once, r' = 1 would be worth 2 wc = 8
+
+
+@pytest.mark.parametrize('order', (1, 2, 3))
+@pytest.mark.parametrize('error_based', (False, True))
+def test_a_profile_that_is_moved_leaves_what_is_known_of_the_plant(
+    order: int, error_based: bool
+) -> None:
+    settings = ControllerSettings(
+        plant_order=order, error_based=error_based, tracking_acceleration=3.0
+    )
+    controller = Controller(settings)
+    for k in range(50):  # a reference on its way, so that the profile has derivatives
+        controller.tick(0.0, 0.01, reference=[1.0 + 0.1 * k])
+    design, state = controller.design, controller.state
+    before = output_estimate(design, state), disturbance_estimate(design, state)
+    assert state.profile[1] > 0.0
+    approach(design, 7.0, state)
+    assert state.profile == [7.0] + [0.0] * order
+    after = output_estimate(design, state), disturbance_estimate(design, state)
+    assert after == pytest.approx(before, abs=1e-9)
 
 
 def test_the_last_pole_ratio_counts_for_the_rest() -> None:

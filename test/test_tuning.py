@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads, Scenario
-from nadrc_ros.simulation.faults import Faults, MeasurementFault
+from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.many import run_metrics
 from nadrc_ros.tuning.search.front import choose, front, knee, Point
 from nadrc_ros.tuning.search.score import Figures, Judge, Score, with_gain
@@ -163,6 +163,22 @@ def test_a_known_delay_counts_in_the_margins() -> None:
         delayed = scenario(faults=Faults(measurement=(fault,)))
         found = Judge(delayed, 'nested', settings_from({}), compiled=False).margins(own.settings)
         assert found.delay == pytest.approx(own.margins(own.settings).delay - lost)
+
+
+def test_a_delay_is_in_the_margins_as_it_is_simulated_in_whole_periods() -> None:
+    faults = Faults(measurement=(MeasurementFault(kind='delayed', time=0.03),))
+    one = Judge(scenario(faults=faults), 'nested', settings_from({}), compiled=False)
+    assert one.scenario.rate == 50.0
+    left = judge().margins(judge().settings).delay - 0.04
+    assert one.margins(one.settings).delay == pytest.approx(left)
+
+
+def test_the_rate_limit_of_an_actuator_is_counted_in_its_own_unit() -> None:
+    faults = Faults(command=(CommandFault(kind='rate_limited', size=20.0),))
+    spread = settings_from({'b0_spread': [0.5, 2.0]})
+    one = Judge(scenario(faults=faults), 'nested', spread, compiled=False)
+    sizes = [(corner.gain, corner.experiment.faults.command[0].size) for corner in one.corners]
+    assert sizes == [(1.0, 20.0), (0.5, 10.0), (2.0, 40.0)]
 
 
 def test_a_negative_b0_can_vary(tmp_path: Path) -> None:

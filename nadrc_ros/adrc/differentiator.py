@@ -37,7 +37,7 @@ def track(reference: float, acceleration: float, dt: float, profile: Vector) -> 
     r1 <- r1 + h r2, r2 <- r2 + h fhan(r1 - r, r2, R, h); for n >= 3, r3 is the acceleration just
     used. For n = 2 it would enter the command directly and is 0, as is any beyond r3: the
     bang-bang acceleration is not a feed-forward. A reference that moves at v, with |r''| < R, is
-    trailed by v^2 / (2 R) + 1.5 h v: the profile could always stop where the reference is.
+    trailed by v^2 / (2 R) + 0.5 h v: the profile could always stop where the reference is.
     """
     r1 = profile[0]
     r2 = profile[1]

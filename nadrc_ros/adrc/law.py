@@ -265,8 +265,8 @@ def approach(design: Design, start_value: float, state: State) -> None:
     """Let the profile rest at ``start_value``; error-based estimates move along with it."""
     for i in range(design.order + 1):
         origin = start_value if i == 0 else 0.0
-        if design.error_based and i < design.order:
-            for k in range(design.levels):
+        if design.error_based:  # d_1 is of L - r^(n)
+            for k in range(design.levels if i < design.order else 1):
                 state.levels[k][i] += state.profile[i] - origin
         state.profile[i] = origin
 

@@ -205,11 +205,10 @@ class Faults:
     measurement: tuple[MeasurementFault, ...] = ()
     command: tuple[CommandFault, ...] = ()
 
-    @property
-    def delay(self) -> float:
-        """Return the dead time [s] of every measurement from start to end."""
+    def delay(self, rate: float) -> float:
+        """Return the dead time [s] of every measurement from start to end: whole periods."""
         return sum(
-            fault.time
+            first_period(fault.time, rate) / rate
             for fault in self.measurement
             if fault.kind == 'delayed'
             and (fault.start, fault.duration, fault.probability) == (0.0, 0.0, 1.0)

@@ -137,10 +137,10 @@ class Loop:
         process.advance(acting)
 
     def _take(self, samples: list[Sample]) -> tuple[float, float]:
-        """Return the last sample that arrived, nan if none did, and the time it spans [s]."""
+        """Return the newest sample that arrived, nan if none did, and the time it spans [s]."""
         if not samples:
             return nan, 0.0
-        sample, before = samples[-1], self._newest
+        sample, before = max(samples, key=lambda each: each.number), self._newest
         dt = (sample.stamp - before.stamp) * self.experiment.period
         if sample.number <= before.number:  # late, or twice
             return sample.value, min(dt, 0.0)

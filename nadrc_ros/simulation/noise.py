@@ -1,8 +1,8 @@
 """
 Measurement noise: Gaussian, zero mean, held over its own sample time, bit-reproducible.
 
-Source: the paper (Abdul-Adheem & Ibraheem, nested linear extended state observers, section 5) adds
-Gaussian noise of variance 1e-4 to the output and does not give the sample time of the noise.
+Source: the paper (Abdul-Adheem & Ibraheem, nested linear extended state observers, section IV)
+adds Gaussian noise of variance 1e-4 to the output and does not give the sample time of the noise.
 """
 
 from __future__ import annotations

@@ -56,9 +56,11 @@ def h_infinity_norm(system: StateSpace) -> float:
 def frequency_grid(*systems: StateSpace, points: int = GRID) -> Array:
     """Return frequencies [rad/s] well around all poles, those of the poles included, sorted."""
     near = np.concatenate([natural_frequencies(system) for system in systems])
+    h = max(system.h for system in systems)
+    if h > 0.0:  # what is faster than the sampling, as a delay is, cannot be seen
+        near = np.minimum(near, pi / h)
     near = near[near > 1e-6 * near.max()]
     low, high = 1e-3 * near.min(), 1e3 * near.max()
-    h = max(system.h for system in systems)
     if h > 0.0:
         high = pi / h
     grid = np.concatenate([np.geomspace(low, high, points), near[near < high]])

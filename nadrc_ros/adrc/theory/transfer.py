@@ -28,8 +28,8 @@ def total_disturbance(design: Design, h: float = 0.0, levels: int | None = None)
 
     Measured from the state of the plant, the estimates obey the observer equations with y = 0 and
     the input -L in place of b0 u. With G_k = (w_k / (s + w_k))^(n+1), conventional has G_1 and
-    nested 1 - prod_k (1 - G_k). The plant tolerates a total disturbance that depends on the
-    command with a gain below 1 / ||G_N||inf.
+    nested 1 - prod_k (1 - G_k). With the feedback's v given from outside, L may depend on the
+    command with a gain below 1 / ||G_N||inf; v depends on the estimates, and allows less.
     """
     a, b_u, _ = observer_matrices(design, h)
     c = disturbance_weights(design, levels)[None, :]

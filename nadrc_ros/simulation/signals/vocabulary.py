@@ -3,8 +3,8 @@ The words that signals are described with: one field name, one default, unit, ra
 
 A node that declares every word once can therefore offer every signal under flat parameter names.
 With all defaults ``decaying_cosine`` is the disturbance exp(-t) cos t of the paper (Abdul-Adheem &
-Ibraheem, nested linear extended state observers, section 5); its reference cos 0.5 t is ``cosine``
-with ``frequency`` 0.5.
+Ibraheem, nested linear extended state observers, section IV); its reference cos 0.5 t is
+``cosine`` with ``frequency`` 0.5.
 """
 
 from __future__ import annotations

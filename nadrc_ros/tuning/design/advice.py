@@ -33,14 +33,17 @@ def advice(wanted: Requirements, found: Sequence[Candidate], best: Candidate) ->
     if not nested:
         return 'Take one observer: at its noise this rate and delay allow no nested ones.'
     if best is one:
-        leave = ' and '.join(f'{WORDS[c.levels]} leave {_share(c, one)}' for c in nested)
-        near = nested[0].prediction.margins.modulus
-        why = 'which is too little for the margins lost'
-        if near < NEAREST:
-            why = f'but come too near to instability (modulus {near:.2f}, wanted {NEAREST:g})'
+        reasons: dict[str, list[str]] = {}
+        for c in nested:
+            leave = f'{WORDS[c.levels]} leave {_share(c, one)}'
+            reasons.setdefault(_why_not(c), []).append(leave)
+        said = [
+            f'{" and ".join(leave)} of its error under {under}, {why}'
+            for why, leave in reasons.items()
+        ]
         return (
-            f'Take one observer: at the same noise of the command {leave} of its error under '
-            f'{under}, {why}.{_limit(wanted, one, nested[0])}'
+            f'Take one observer: at the same noise of the command {"; ".join(said)}.'
+            f'{_limit(wanted, one, nested[0])}'
         )
     others = ', '.join(f'{WORDS[c.levels]} {_share(c, one)}' for c in nested if c is not best)
     return (
@@ -48,6 +51,13 @@ def advice(wanted: Requirements, found: Sequence[Candidate], best: Candidate) ->
         f'{_share(best, one)} of the error of one under {under}{others and f" ({others})"}.'
         f'{_limit(wanted, one, best)} The price: {_price(one, best)}.'
     )
+
+
+def _why_not(candidate: Candidate) -> str:
+    near = candidate.prediction.margins.modulus
+    if near < NEAREST:
+        return f'but come too near to instability (modulus {near:.2f}, wanted {NEAREST:g})'
+    return 'which is too little for the margins lost'
 
 
 def _limit(wanted: Requirements, one: Candidate, more: Candidate) -> str:

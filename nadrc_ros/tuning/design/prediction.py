@@ -10,7 +10,6 @@ from nadrc_ros.adrc.theory.loop import chain, closed_loop, open_loop
 from nadrc_ros.adrc.theory.margins import Margins, margins
 from nadrc_ros.adrc.theory.norms import h_infinity_norm
 from nadrc_ros.adrc.theory.system import Array, Complex, pick, response, StateSpace
-from nadrc_ros.adrc.theory.transfer import total_disturbance
 from nadrc_ros.tuning.design.bandwidths import BAND
 from nadrc_ros.tuning.design.limits import noise_gain
 from nadrc_ros.tuning.design.requirements import Requirements
@@ -31,7 +30,8 @@ class Prediction(NamedTuple):
     disturbance leaves; of sines up to its frequency the largest amplitude [output unit], of a
     step the integral of |y| [output unit s]. ``settling_time`` [s], within 2 %. ``margins`` of the
     loop opened at the plant, whose gains are the admissible b / b0. ``input_gain_margin``: share
-    of b0 by which the input gain may be wrong in any way over time, 1 / ||G_N||inf.
+    of b0 by which the input gain may be wrong in any way over time, 1 / ||T||inf of the loop from
+    load to command (small-gain theorem: H. Khalil, Nonlinear Systems, 3rd ed., 5.4).
     """
 
     command_noise: float
@@ -60,7 +60,7 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
         error=disturbance_error(loop, wanted),
         settling_time=settling_time(step_response(reference), reference.h, BAND),
         margins=margins(design, _plant(wanted), wanted.period, wanted.delay),
-        input_gain_margin=1.0 / h_infinity_norm(total_disturbance(design, wanted.period)),
+        input_gain_margin=1.0 / h_infinity_norm(pick(loop, [LOAD], [COMMAND])),
     )
 
 

@@ -44,6 +44,7 @@ LARGEST_W_H = 0.3
 LARGEST_W_LATE = 0.3
 NOISE_SHARE = 0.05
 OUTER, CONTROLLER = 0.5, 0.2  # of the inner bandwidth
+PATIENCE = 5.0  # timeouts of a slow loop [periods]
 NAME = 'identified'
 
 
@@ -73,12 +74,16 @@ def advise(plant: Plant, log: Log) -> Advice:
     bandwidths = {'rate': LARGEST_W_H / plant.period}
     if plant.lateness and plant.lateness.value > 0.0:
         bandwidths['lateness'] = LARGEST_W_LATE / plant.lateness.value
+    patience = PATIENCE * plant.period
+    usual = ControllerSettings()
     settings = ControllerSettings(
         plant_order=plant.order,
         b0=rounded(plant.b0.value),
         command_min=low,
         command_max=high,
         safe_command=min(max(0.0, low), high),
+        measurement_timeout=max(usual.measurement_timeout, patience),
+        max_dt=max(usual.max_dt, patience),
     )
     highest = min(bandwidths.values())
     quiet = _quiet(plant, settings, highest, high - low)
@@ -128,7 +133,7 @@ def scenario_of(plant: Plant, log: Log, settings: ControllerSettings) -> Scenari
             name='sine', values={'offset': unknown, 'amplitude': pull, 'frequency': pace}
         ),
         noise=Noise(variance=rounded(plant.noise**2), seed=1),
-        rate=rounded(1.0 / plant.period),
+        rate=_rate(plant),
         duration=rounded(min(max(len(log.command) * log.h, 1.0), 60.0)),
         faults=_late(plant),
         controllers={
@@ -141,12 +146,17 @@ def scenario_of(plant: Plant, log: Log, settings: ControllerSettings) -> Scenari
     )
 
 
+def _rate(plant: Plant) -> float:
+    return rounded(1.0 / plant.period)
+
+
 def _late(plant: Plant) -> Faults:
-    """Return what delays the loop as the plant was found to: half a period and more counts."""
-    late = plant.lateness.value if plant.lateness else 0.0
-    if late < 0.5 * plant.period:
+    """Return what delays the loop as the plant was found to, in the nearest whole periods."""
+    periods = round(plant.lateness.value / plant.period) if plant.lateness else 0
+    if periods == 0:
         return Faults()
-    return Faults(measurement=(MeasurementFault(kind='delayed', time=rounded(late)),))
+    late = MeasurementFault(kind='delayed', time=periods / _rate(plant))
+    return Faults(measurement=(late,))
 
 
 def disturbance(plant: Plant, log: Log) -> Array:

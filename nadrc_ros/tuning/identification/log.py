@@ -18,6 +18,8 @@ STILL = 1.3
 NOISE_DIFFERENCES = 4
 # A reference with that share of its power in one line, after so many turns, is a sine alone.
 ONE_LINE, TURNS = 0.9, 3
+# So much faster or slower than they should, measurements are not those of this rate.
+OFF_RATE = 0.05
 ADVICE = 'record at least some seconds of a reference that moves, best a chirp or a square'
 
 
@@ -35,6 +37,7 @@ def log_of(run: RecordedRun) -> Log:
 
     """
     columns = run.columns
+    _check_rate(run)
     known = np.isfinite(columns['measurement']) & np.isfinite(columns['command'])
     place = np.rint((columns['time'] - columns['time'][0]) * run.rate).astype(np.int64)
     kept = np.flatnonzero(known)
@@ -101,6 +104,19 @@ def _filled(values: Array) -> Array:
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
     filled: Array = values[last]
     return filled
+
+
+def _check_rate(run: RecordedRun) -> None:
+    """Compare the times, which count periods, with the stamps of the measurements."""
+    stamps = run.columns.get('measurement_stamp', np.empty(0))
+    if len(stamps) < FEWEST_SAMPLES:
+        return
+    ratio = float(np.nanmedian(np.diff(stamps)) / np.median(np.diff(run.columns['time'])))
+    if abs(ratio - 1.0) > OFF_RATE:
+        raise RecordingError(
+            f'the rate of the run is {run.rate:g} Hz, and the stamps of the measurements are '
+            f'{1.0 / ratio:.3g} times as dense: record with the rate of the sensor'
+        )
 
 
 def _check_excited(log: Log) -> None:

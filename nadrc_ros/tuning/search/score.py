@@ -17,6 +17,7 @@ from nadrc_ros.adrc.theory.system import StateSpace, zero_order_hold
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.user_plant import blame
 from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.many import run_metrics, RunMetrics
 from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.variables import designed
@@ -142,7 +143,8 @@ class Judge:
         """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
         h = 1.0 / self.scenario.rate
         if self._sampled is None:  # once for all designs: it takes as long as everything else
-            plant, delay = self.corners[0].experiment.plant, self.scenario.faults.delay
+            plant = self.corners[0].experiment.plant
+            delay = self.scenario.faults.delay(self.scenario.rate)
             self._sampled = zero_order_hold(chain(plant.order, plant.b0), h, delay)
         return margins(make_design(settings), self._sampled, h, 0.0, GRID)
 
@@ -217,9 +219,21 @@ def corners(scenario: Scenario, tuning: TuneSettings) -> list[Corner]:
     found = [Corner(scenario.experiment(), 1.0)]
     for values in ends:
         spec = attrs.evolve(scenario.plant, values={**scenario.plant.values, **dict(values)})
-        experiment = attrs.evolve(scenario, plant=spec).experiment()
-        found += [Corner(experiment, gain) for gain in gains if values or gain != 1.0]
+        for gain in gains:
+            if values or gain != 1.0:
+                faults = _faults_with_gain(scenario.faults, gain)
+                experiment = attrs.evolve(scenario, plant=spec, faults=faults).experiment()
+                found.append(Corner(experiment, gain))
     return found
+
+
+def _faults_with_gain(faults: Faults, gain: float) -> Faults:
+    """Return the faults of commands that are counted in ``gain`` times their unit."""
+    command = tuple(
+        attrs.evolve(fault, size=fault.size * gain) if fault.kind == 'rate_limited' else fault
+        for fault in faults.command
+    )
+    return attrs.evolve(faults, command=command)
 
 
 def with_gain(settings: ControllerSettings, gain: float) -> ControllerSettings:
