@@ -45,8 +45,8 @@ PROMISES = (
     'present sample as it is, to 1e-9.',
     'An invalid parameter is refused with a reason that names it, and what `get_parameters` shows '
     'is what runs. An invalid parameter file ends the start with a message and exit code 1.',
-    'After disabling, SIGINT, SIGTERM or an exception the last published command is the safe one; '
-    'a signal ends the process with 0 within a second.',
+    'After disabling, SIGINT, SIGTERM, SIGHUP or an exception the last published command is the '
+    'safe one; a signal ends the process with 0 within a second.',
     'The plant does not trust the controller: it falls to its own safe command after '
     '`command_timeout`.',
     'No request from outside ends a node: wrong types, unknown parameters, garbage, odd QoS.',
