@@ -189,8 +189,8 @@ def refuse_unheard(node: Node, arguments: Sequence[str]) -> None:
     others = [key for key in keys if key.rpartition('/')[2] == name]
     if others and not any(_means(key, full) for key in keys):
         raise UserError(
-            f'no parameters for {full} but for {", ".join(others)} in {" ".join(files)}: '
-            f'/**/{name} would be for it'
+            f'{" ".join(files)}: parameters of {", ".join(others)} and none of {full}; '
+            f'for any namespace name them /**/{name}'
         )
 
 

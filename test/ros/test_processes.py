@@ -163,8 +163,8 @@ def test_p13_a_file_for_another_controller_is_refused(
     file = parameter_file(tmp_path / 'robot.yaml', {key: {'command_max': 1.0}, '/plant': {}})
     process = start('controller', file=file)
     assert process.end() == 1
-    assert f'cannot start: no parameters for {start.namespace}/controller but for' in process.said
-    assert '/**/controller would be for it' in process.said
+    assert f'cannot start: {file}: parameters of /{key.strip("/")} and none of ' in process.said
+    assert 'for any namespace name them /**/controller' in process.said
     assert 'Traceback' not in process.said
 
 
