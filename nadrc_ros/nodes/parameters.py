@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import Declared
+from nadrc_ros.nodes.axes import axes_asked, axis_namespace
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -163,17 +164,18 @@ def refuse_unknown(node: Node) -> None:
             raise SettingError(name, parameter.value, _known(node, name))
 
 
-def refuse_unheard(node: Node, arguments: Sequence[str]) -> None:
+def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> None:
     """
-    Refuse parameter files that are for a node of this name and not for this one.
+    Refuse a parameter file that is for nodes of this name, but for none of this process.
 
     ROS passes over what is for other nodes, so that a controller in another namespace than its
-    file says would run with the default limits.
+    file says would run with the default limits. What the file has for ``/**`` does not count: it
+    may be the clock alone.
 
     Raises
     ------
     UserError
-        Names the node, and those that the files are for.
+        Names the file, the node, and those that the file is for.
 
     """
     files = [path for flag, path in pairwise(arguments) if flag == '--params-file']
@@ -181,17 +183,20 @@ def refuse_unheard(node: Node, arguments: Sequence[str]) -> None:
         return
     import yaml
 
-    keys: list[str] = []
+    name, full = node.get_name(), node.get_fully_qualified_name()
+    here = [full]
+    if is_axis:
+        here = [f'{axis_namespace(axis, arguments)}/{name}' for axis in axes_asked(arguments)]
     for file in files:
         with open(file, encoding='utf-8') as stream:
-            keys += _node_keys(yaml.safe_load(stream))
-    name, full = node.get_name(), node.get_fully_qualified_name()
-    others = [key for key in keys if key.rpartition('/')[2] == name]
-    if others and not any(_means(key, full) for key in keys):
-        raise UserError(
-            f'{" ".join(files)}: parameters of {", ".join(others)} and none of {full}; '
-            f'for any namespace name them /**/{name}'
-        )
+            keys = [
+                key for key in _node_keys(yaml.safe_load(stream)) if key.rpartition('/')[2] == name
+            ]
+        if keys and not any(_means(key, each) for key in keys for each in here):
+            raise UserError(
+                f'{file}: parameters of {", ".join(keys)} and none of {full}; '
+                f'for any namespace name them /**/{name}'
+            )
 
 
 def _node_keys(tree: Any, namespace: str = '') -> Iterator[str]:

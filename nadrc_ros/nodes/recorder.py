@@ -101,10 +101,11 @@ class RecorderNode(LiveNode):
             **{name: getattr(self.settings, name) for name in declared(FigureSettings)},
         )
         topics = self.settings.topics()
-        self._stamps = () if self.pacing.lockstep else STAMPS
+        self._simulated: bool = self.get_parameter('use_sim_time').value
+        # Stamps are of this machine's clock.
+        self._stamps = () if self.pacing.lockstep or self._simulated else STAMPS
         self._columns = ['time', *topics, *self._stamps]
         self._losses = {name: Losses() for name in topics}
-        self._simulated: bool = self.get_parameter('use_sim_time').value
         self._places = Places(self.pacing.rate, stamped=not self._simulated)
         self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
@@ -315,8 +316,9 @@ class RecorderNode(LiveNode):
         """Return how to hear those that are published, but not as reliably as is asked for."""
         for topic in (self._heard[name] for name in names):
             publishers = self.get_publishers_info_by_topic(topic)
-            if any(p.qos_profile.reliability == BEST_EFFORT for p in publishers):
-                name = f'qos_overrides.{topic}.subscription.reliability'
+            name = f'qos_overrides.{topic}.subscription.reliability'
+            given = any(p.qos_profile.reliability == BEST_EFFORT for p in publishers)
+            if given and self.get_parameter(name).value != 'best_effort':
                 return f': {topic} is published as best effort, so start with {name} best_effort'
         return ''
 

@@ -62,7 +62,7 @@ class LiveNode(Node):
     def __init__(self, name: str, namespace: str = '') -> None:
         own = ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else None
         super().__init__(name, cli_args=own)
-        refuse_unheard(self, sys.argv)
+        refuse_unheard(self, sys.argv, is_axis=bool(namespace))
         self.pacing = ParameterGroup(
             self, declared(PacingSettings), lambda values: build(PacingSettings, values)
         ).value

@@ -18,9 +18,9 @@ EARLY = 10_000_000
 EARLY_PERIODS = 5
 # The clocks of two machines drift apart by no more than that, but when one is being corrected.
 DRIFT = 1e-4
-# A first sample may be late: for so long that counts, and how early it could be here.
+# A first sample may be late: for so long, and so many more, how early it could be here counts too.
 LEARN = 1_000_000_000
-# So many samples tell how fast they come.
+# So many samples tell how fast they come, and by how much they are late.
 FEW, MANY = 20, 100
 # More publishers of one topic are not told apart.
 PUBLISHERS = 8
@@ -55,7 +55,7 @@ class SampleTimes:
         self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
         # From stamp to receipt [ns], with the difference of their clocks: the least so far, and
         # until when it is at least what it is on a machine with our clock.
-        self._least_delay = self._bound = self._bound_until = 0
+        self._least_delay = self._bound = self._bound_until = self._learnt = 0
         self._period = period
         self._stamped = stamped
         self._wall = wall
@@ -93,7 +93,7 @@ class SampleTimes:
         # A stall makes a sample late and the next one less so; none comes earlier than it can.
         drift = int(DRIFT * max(0, receipt))
         least = self._least_delay
-        if now < self._bound_until:
+        if now < self._bound_until or self._learnt < FEW:
             least = min(least, self._bound)
         early = least - (now - stamp) > self._early + drift
         if (early and self._stamped) or (goes_on and backward):
@@ -103,6 +103,7 @@ class SampleTimes:
         elif source <= 0:
             return float(source) * 1e-9
         self._least_delay = min(self._least_delay + min(drift, self._early // 2), now - stamp)
+        self._learnt += 1
         self._last = stamp, now, number
         return float(source) * 1e-9
 
@@ -111,6 +112,7 @@ class SampleTimes:
         self._least_delay = now - stamp
         self._bound = now - max(stamp, self._wall())
         self._bound_until = now + max(LEARN, self._early)
+        self._learnt = 0
 
 
 def _follows(number: int | None, seen: int | None, last: int | None, far_back: bool) -> bool:

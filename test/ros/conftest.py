@@ -41,8 +41,9 @@ def _take_domain() -> IO[str]:
 
 
 _LOCK = _take_domain()
-# A job in the background of a shell inherits SIGINT as ignored, and would pass that on.
+# A job in the background of a shell inherits SIGINT as ignored, one under nohup SIGHUP.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -168,6 +168,14 @@ def test_p13_a_file_for_another_controller_is_refused(
     assert 'Traceback' not in process.said
 
 
+def test_p13_each_of_several_files_is_looked_at(start: Processes, tmp_path: Path) -> None:
+    common = parameter_file(tmp_path / 'common.yaml', {'/**': {'rate': 150.0}})
+    own = parameter_file(tmp_path / 'own.yaml', {'/controller': {'command_max': 1.0}})
+    process = start('controller', '--params-file', str(own), file=common)
+    assert process.end() == 1
+    assert f'cannot start: {own}: parameters of /controller and none of ' in process.said
+
+
 @pytest.mark.parametrize('key', ['/**', '/**/controller', '/*/controller', '/plant'])
 def test_a_file_for_all_or_for_other_nodes_is_not_refused(
     key: str, probe: Probe, start: Processes, tmp_path: Path
@@ -175,6 +183,29 @@ def test_a_file_for_all_or_for_other_nodes_is_not_refused(
     file = parameter_file(tmp_path / 'robot.yaml', {key: {'rate': 150.0}})
     start('controller', file=file)
     assert probe.get('controller', 'rate') == [200.0 if key == '/plant' else 150.0]
+
+
+def test_a_plant_of_ones_own_that_leaves_its_domain_is_told_and_goes_on(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    file = tmp_path / 'tank.py'
+    file.write_text(
+        'from math import sqrt\n'
+        'class Tank:\n'
+        '    order = states = b0 = 1\n'
+        '    def derivative(self, t, x, u, w, dx):\n'
+        '        dx[0] = u + sqrt(9.0 - x[0])\n'
+        '    def output(self, x):\n'
+        '        return x[0]\n'
+    )
+    tank = {'rate': 100.0, 'plant': str(file), 'initial_state': [1.0], 'start': 'at_once'}
+    probe = make_probe(parameters={'plant': tank | {'command_timeout': 0.0}})
+    plant = probe.add(PlantNode())
+    plant.process.state[0] = 9.5  # as after a step no stage of which was outside
+    probe.wait_until(lambda: probe.said('plant') and probe.said('plant')[-1][0] == ERROR)
+    assert probe.said('plant')[-1][1] == 'the plant diverged'
+    k = plant.process.k
+    probe.wait_until(lambda: plant.process.k > k + 10)
 
 
 def test_simulated_time_paces_the_nodes_and_may_step_back(

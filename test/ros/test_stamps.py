@@ -75,6 +75,13 @@ def test_p10_what_a_stall_made_late_is_no_clock_jump() -> None:
     assert line.times.clock_jumps == 1
 
 
+def test_p10_a_stall_after_a_late_first_sample_is_no_clock_jump() -> None:
+    line = Line()
+    line.span(1, 0.0, delay=300.0)
+    assert line.span(2, 1500.0) == pytest.approx(1500.0)
+    assert line.times.clock_jumps == 0
+
+
 def test_p10_a_jump_of_a_clock_that_was_behind_from_the_start_is_seen() -> None:
     line = Line(behind=400.0)
     for number in range(1, 301):

@@ -112,6 +112,23 @@ def test_p14_a_ramp_too_long_is_cut_short_and_further_signals_change_nothing(
     assert 'Traceback' not in controller.said
 
 
+def test_under_nohup_the_end_of_the_terminal_changes_nothing(
+    probe: Probe, start: Processes
+) -> None:
+    commands = probe.listen('command')
+    code = (
+        'import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n'
+        'from nadrc_ros.nodes.controller import main; raise SystemExit(main())'
+    )
+    controller = start.run('nohup', '-c', code, '--ros-args', '-r', f'__ns:={start.namespace}')
+    probe.wait_until(lambda: len(commands) > 5)
+    controller.signal(signal.SIGHUP)
+    n = len(commands)
+    probe.wait_until(lambda: len(commands) > n + 20)
+    controller.signal(signal.SIGTERM)
+    assert probe.end_of(controller) == 0
+
+
 def test_p14_signals_until_the_very_end_change_nothing(probe: Probe, start: Processes) -> None:
     _, controller = run_loop(probe, start)
     deadline = time.monotonic() + SLACK

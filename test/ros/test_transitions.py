@@ -8,6 +8,7 @@ import re
 import signal
 from typing import Any
 
+from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
 from probe import NodeProcess, Probe, Processes
 
@@ -79,6 +80,26 @@ def test_p05_p14_what_goes_against_the_rate_limit_is_logged_once(
     assert commands[-2] < -2.0
     for part in ('jumps', 'cut short'):
         assert controller.said.count(part) == 1
+
+
+def test_p11_disabled_on_the_way_to_another_safe_command_it_still_gets_there(
+    make_probe: Callable[..., Probe],
+) -> None:
+    probe = make_probe(parameters={'controller': CONTROL | {'command_rate_limit': 0.2}})
+    node = probe.add(ControllerNode())
+    commands = probe.listen('command')
+    assert probe.enable().success
+    safe = CONTROL['safe_command']
+    probe.wait_until(lambda: len(commands) > 5 and commands[-1] == safe)
+    assert probe.set('controller', safe_command=safe + 1.0) == ['']
+    probe.wait_until(lambda: commands[-1] > safe)
+    assert probe.enable(False).success
+    assert commands[-1] < safe + 1.0
+    probe.wait_until(lambda: node._silent)
+    probe.wait_until(lambda: commands[-1] == safe + 1.0)
+    n, periods = len(commands), node.ticker.periods
+    probe.wait_until(lambda: node.ticker.periods > periods + 10)
+    assert len(commands) == n
 
 
 def test_p19_of_several_faults_the_most_severe_acts_and_each_transition_is_logged_once(

@@ -74,14 +74,16 @@ def test_the_tuned_loop_does_on_ros_what_was_predicted(
     for key in ('itae', 'isu', 'total_variation'):
         assert figures(tmp_path)[key] == predicted['predicted'][key], key
     expected = {key: predicted['predicted'][key] for key in ('itae', 'isu')}
+    undisturbed = []
     for _ in range(ATTEMPTS):
         nadrc(real_time, tmp_path)
         live = figures(tmp_path)
-        found = {key: live[key] for key in expected}
-        if found == pytest.approx(expected, rel=0.1):
-            break
-    undisturbed = live['missed_periods'] == 0 and live['samples_lost'] == 0
-    assert not undisturbed or found == pytest.approx(expected, rel=0.1)
+        if not (live['missed_periods'] or live['samples_lost']):
+            undisturbed.append({key: live[key] for key in expected})
+            if undisturbed[-1] == pytest.approx(expected, rel=0.1):
+                break
+    else:
+        assert not undisturbed, (undisturbed, expected)
     parameters = folder / 'nested.yaml'
     values = yaml.safe_load(parameters.read_text())['/**/controller']['ros__parameters']
     start('controller', file=parameters)
