@@ -303,7 +303,7 @@ class RecorderNode(LiveNode):
         if self._off_rate():
             measured, rate = self._places.measured_rate, self.pacing.rate
             message = f'measurements come at {measured:.4g} Hz and the rate is {rate:g} Hz'
-            return WARN, f'{message}: times and figures are wrong', values
+            return WARN, f'{message}: the figures of this run are wrong', values
         if lost:
             return WARN, f'{lost} samples lost', values
         return OK, 'recording' if self.recording else 'done', values

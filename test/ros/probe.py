@@ -246,7 +246,7 @@ class Probe:
         """Set parameters without waiting for an answer."""
         client = self.node.create_client(SetParameters, f'{node}/set_parameters')
         self.wait_until(client.service_is_ready)
-        client.call_async(SetParameters.Request(parameters=_messages(values)))
+        client.call_async(SetParameters.Request(parameters=parameter_messages(values)))
 
     def ask_to_enable(self) -> None:
         """Ask without waiting for an answer, of a node whose service was called before."""
@@ -257,12 +257,12 @@ class Probe:
 
     def set(self, node: str, **values: Any) -> list[str]:
         """Set parameters one by one and return the reasons of refusal, empty where accepted."""
-        request = SetParameters.Request(parameters=_messages(values))
+        request = SetParameters.Request(parameters=parameter_messages(values))
         results = self.call(SetParameters, f'{node}/set_parameters', request).results
         return ['' if result.successful else result.reason or 'no reason' for result in results]
 
     def set_together(self, node: str, **values: Any) -> str:
-        request = SetParametersAtomically.Request(parameters=_messages(values))
+        request = SetParametersAtomically.Request(parameters=parameter_messages(values))
         service = f'{node}/set_parameters_atomically'
         result = self.call(SetParametersAtomically, service, request).result
         return '' if result.successful else result.reason or 'no reason'
@@ -300,7 +300,7 @@ class Probe:
             self.reports.setdefault(status.name, []).append((status.level, status.message, values))
 
 
-def _messages(values: Values) -> list[Any]:
+def parameter_messages(values: Values) -> list[Any]:
     made = [
         value if isinstance(value, Parameter) else Parameter(name, value=value)
         for name, value in values.items()

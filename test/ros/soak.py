@@ -14,9 +14,8 @@ from typing import Any
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import fault_fields
-from probe import NodeProcess, Probe, Processes
+from probe import NodeProcess, parameter_messages, Probe, Processes
 from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from resources import Held, held
 from std_srvs.srv import Trigger
 
@@ -61,6 +60,7 @@ RANGES = {
 BAD = (nan, inf, -inf, 1e300, 'nonsense', '', [nan], [1e300])
 LIVE = {name: f for name, f in declared(ControllerSettings).items() if f.live}
 FAULTS = fault_fields()
+FAULTLESS = {name: 'none' for name in FAULTS if name.endswith('.kind')}
 GARBAGE = (nan, inf, -inf, 1e308, 5e-324, -1e6, 0.0)
 # Nodes die, and a stranger publishes on their topics, in the first part of the duration; what is
 # recorded and what is held is judged after it, where every number on a topic is its node's.
@@ -146,6 +146,8 @@ class Soak:
             self._begin(name)
         self._recover()
         self._go_wrong(UNTIL_CALM * self.duration, self._calm | self._wild)
+        self._meet_plant()
+        self._recover()
         self._begin_record()
         self.calm = len(self.measurements)
         self._go_wrong((1.0 - UNTIL_CALM) * self.duration, self._calm)
@@ -177,8 +179,7 @@ class Soak:
 
     def _recover(self) -> None:
         """Undo all changes, and wait until the loop is in its band and stays there."""
-        kinds = {name: 'none' for name in FAULTS if name.endswith('.kind')}
-        assert not any(self._probe.set('plant', **kinds))
+        assert not any(self._probe.set('plant', **FAULTLESS))
         values = {name: default(name) for name in LIVE}
         assert self._probe.set_together('controller', **values) == ''
         self._probe.enable()
@@ -193,17 +194,44 @@ class Soak:
 
         self._probe.wait_until(settled)
 
-    def _begin_record(self) -> None:
-        """Start another recorder; a busy DDS may leave one deaf, which then says so."""
+    def _meet_plant(self) -> None:
+        """Start the plant again until it answers and is heard; a busy DDS may leave it alone."""
         for _ in range(3):
+            client = self._probe.client(SetParameters, 'plant/set_parameters')
+            future = client.call_async(
+                SetParameters.Request(parameters=parameter_messages(FAULTLESS))
+            )
+            if self._within(10.0, future.done) and self._within(10.0, self._measures):
+                return
+            self._kill('plant')
+        raise AssertionError('no plant answers and is heard by the controller')
+
+    def _measures(self) -> bool:
+        return float(self._probe.said()[-1][2]['measurement_age']) < 0.5
+
+    def _within(self, seconds: float, condition: Callable[[], bool]) -> bool:
+        end = time.monotonic() + seconds
+        while not condition() and time.monotonic() < end:
+            self._probe.spin(0.1)
+        return condition()
+
+    def _begin_record(self) -> None:
+        """Start another recorder, and whom it does not hear: a busy DDS may leave one deaf."""
+        sources = {'measurement': 'plant', 'command': 'controller'}
+        for _ in range(4):
             self._kill('recorder')
             reports = self._probe.said('recorder')
-            known, end = len(reports), time.monotonic() + 10.0
-            while time.monotonic() < end:
-                self._probe.spin(0.1)
-                if any('measurement' not in r[1] for r in reports[known + 1 :]):
-                    return
-        raise AssertionError('no recorder hears the plant')
+            known = len(reports) + 1
+            if self._within(10.0, lambda: self._hears(reports[known:])):  # noqa: B023
+                return
+            told = reports[-1][1]
+            for topic, name in sources.items():
+                if topic in told:
+                    self._kill(name)
+        raise AssertionError(f'the recorder says: {told}')
+
+    def _hears(self, reports: list[Any]) -> bool:
+        return any(not message.startswith('waiting for') for _, message, _ in reports)
 
     # ---- faults ----
 
@@ -248,8 +276,7 @@ class Soak:
         self._begin(name)
 
     def _tell(self, node: str, **values: Any) -> None:
-        parameters = [Parameter(key, value=v).to_parameter_msg() for key, v in values.items()]
-        request = SetParameters.Request(parameters=parameters)
+        request = SetParameters.Request(parameters=parameter_messages(values))
         self._ask(SetParameters, f'{node}/set_parameters', request)
 
     def _ask(self, kind: Any, service: str, request: Any) -> None:

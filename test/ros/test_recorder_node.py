@@ -147,7 +147,7 @@ def test_measurements_of_another_rate_are_told(
         feed.sample()
     level, message, values = feed.recorder._report()
     assert level == WARN
-    assert message.endswith('Hz and the rate is 1 Hz: times and figures are wrong')
+    assert message.endswith('Hz and the rate is 1 Hz: the figures of this run are wrong')
     assert values['measured_rate'] > 2.0
 
 
