@@ -85,7 +85,7 @@ def test_p05_p14_what_goes_against_the_rate_limit_is_logged_once(
 def test_p11_disabled_on_the_way_to_another_safe_command_it_still_gets_there(
     make_probe: Callable[..., Probe],
 ) -> None:
-    probe = make_probe(parameters={'controller': CONTROL | {'command_rate_limit': 0.2}})
+    probe = make_probe(parameters={'controller': CONTROL | {'command_rate_limit': 0.4}})
     node = probe.add(ControllerNode())
     commands = probe.listen('command')
     assert probe.enable().success
