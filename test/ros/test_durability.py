@@ -60,6 +60,7 @@ def test_however_its_recorder_ends_a_run_can_be_read_and_summarised(
     folders = [folder_of(node) for node in nodes.values()]
     assert len(set(folders)) == 3 == len(list(directory.iterdir()))
     probe.wait_until(lambda: all(rows_in(folder) >= 60 for folder in folders))
+    probe.wait_until(lambda: len(set(measurements)) > 60)  # the plant has heard a command, too
 
     size = (folders[2] / SAMPLES).stat().st_size + 1000
     resource.prlimit(full.popen.pid, resource.RLIMIT_FSIZE, (size, size))
@@ -72,9 +73,8 @@ def test_however_its_recorder_ends_a_run_can_be_read_and_summarised(
     probe.wait_until(lambda: len(measurements) >= n + 120)
     killed.signal(signal.SIGKILL)
     assert killed.end() == -signal.SIGKILL
-    seen = len(measurements)
     last = read_samples(folders[1])['measurement'][-1]
-    assert seen - 1 - measurements.index(last) <= RATE
+    assert measurements[::-1].index(last) <= RATE
 
     ended.signal(signal.SIGTERM)
     assert probe.end_of(ended) == 0
