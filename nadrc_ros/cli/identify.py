@@ -76,15 +76,15 @@ def identify(
         log = log_of(recorded)
         plant = find(log, order)
         advice = advise(plant, log)
-        described = scenario_of(plant, log, advice.settings) if scenario else None
+        described = dump(scenario_of(plant, log, advice.settings)) if scenario else ''
     with reporting():
         if json is not None:
             write_json(json, _document(plant, advice, b0))
         if out is not None:
             parameters = controller_parameters(advice.settings, rounded(1.0 / log.h))
             write_whole(out, parameter_text({ANY_CONTROLLER: parameters}).encode())
-        if scenario is not None and described is not None:
-            write_whole(scenario, dump(described).encode())
+        if scenario is not None:
+            write_whole(scenario, described.encode())
         _print_table(run, plant)
         for line in _verdict(plant, advice, b0):
             typer.echo(line)

@@ -187,6 +187,8 @@ def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> No
     here = [full]
     if is_axis:
         here = [f'{axis_namespace(axis, arguments)}/{name}' for axis in axes_asked(arguments)]
+        if full != here[0]:  # the first axis has looked for all
+            return
     for file in files:
         with open(file, encoding='utf-8') as stream:
             keys = [

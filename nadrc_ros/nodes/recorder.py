@@ -25,6 +25,7 @@ from nadrc_ros.records.recording import (
     ESTIMATES,
     FigureSettings,
     NEEDED,
+    OFF_RATE,
     RunFolder,
     RunSettings,
     STAMPS,
@@ -38,8 +39,6 @@ from rclpy.qos import ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 FLUSH = 0.2
-# So much faster or slower than they should, measurements are not those of this rate.
-OFF_RATE = 0.05
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 

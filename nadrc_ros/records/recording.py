@@ -25,6 +25,8 @@ ESTIMATES = {
     'output_estimate': 'output_estimate',
     'disturbance_estimate': 'total_disturbance',
 }
+# So much faster or slower than they should, measurements are not those of the rate of a run.
+OFF_RATE = 0.05
 # When measurement and command left their publishers [s since the start in about.json].
 STAMPS = ('measurement_stamp', 'command_stamp')
 

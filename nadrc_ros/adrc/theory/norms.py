@@ -57,12 +57,10 @@ def frequency_grid(*systems: StateSpace, points: int = GRID) -> Array:
     """Return frequencies [rad/s] well around all poles, those of the poles included, sorted."""
     near = np.concatenate([natural_frequencies(system) for system in systems])
     h = max(system.h for system in systems)
-    if h > 0.0:  # what is faster than the sampling, as a delay is, cannot be seen
-        near = np.minimum(near, pi / h)
+    high = pi / h if h > 0.0 else 1e3 * near.max()
+    near = np.minimum(near, high)  # what is faster than the sampling, as a delay is, is not seen
     near = near[near > 1e-6 * near.max()]
-    low, high = 1e-3 * near.min(), 1e3 * near.max()
-    if h > 0.0:
-        high = pi / h
+    low = 1e-3 * near.min()
     grid = np.concatenate([np.geomspace(low, high, points), near[near < high]])
     return np.unique(grid)
 
