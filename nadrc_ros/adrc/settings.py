@@ -50,7 +50,10 @@ class ControllerSettings:
         'bandwidth of level 2, the outer observer; ignored with one level',
     )
     levels: int = integer(
-        2, 1, MAX_LEVELS, 'levels K of the nested and cascade structures; ignored by the others'
+        2,
+        1,
+        MAX_LEVELS,
+        'levels K of the nested, cascade and nonlinear structures; ignored by the others',
     )
     bandwidth_ratio: float = number(
         0.5,

@@ -31,7 +31,7 @@ LEVEL_COLOURS = ('#56B4E9', '#D55E00', '#CC79A7', '#004D40', '#E69F00', '#0072B2
 
 @attrs.frozen
 class Plot:
-    """A figure, the section it belongs to, and whether its x axis is the time of all others."""
+    """A figure, whether its x axis is the time of all others, and what to say below it."""
 
     figure: go.Figure
     timed: bool = True

@@ -80,7 +80,8 @@ def default_variables(
     """
     Return by name what the structure and the feedback of a controller leave open.
 
-    Bandwidths lie between ``SLOWEST`` / duration and ``largest_wh`` times the rate.
+    Bandwidths lie between ``SLOWEST`` / duration and ``largest_wh`` times the rate, that of the
+    controller from a quarter of that on.
     """
     levels = make_design(settings).levels
     top = largest_wh * rate
