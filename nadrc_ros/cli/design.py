@@ -6,6 +6,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.options import option
 from nadrc_ros.tuning.design.requirements import Requirements
 import typer
 
@@ -19,11 +20,7 @@ POINTS = 800
 
 
 def _help(name: str) -> Any:
-    """Describe an option by the field of the requirements that it sets."""
-    field = ASKED[name]
-    unit = f' [{field.unit}]' if field.unit else ''
-    choices = ': ' + ', '.join(field.choices) if field.choices else ''
-    return typer.Option(help=f'{field.description}{choices}{unit}'.replace('[', '\\['))
+    return option(ASKED[name])
 
 
 def design(
@@ -42,7 +39,7 @@ def design(
     reference_step: Annotated[float, _help('reference_step')] = ASKED['reference_step'].default,
     structure: Annotated[str, _help('structure')] = ASKED['structure'].default,
     levels: Annotated[int, _help('levels')] = ASKED['levels'].default,
-    half_gain: Annotated[bool, _help('half_gain')] = False,
+    half_gain: Annotated[bool, _help('half_gain')] = ASKED['half_gain'].default,
     out: Annotated[
         Optional[Path],
         typer.Option(help='Folder for design.yaml, scenario.yaml, bode.png and design.json.'),

@@ -7,29 +7,28 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
+import attrs
+from nadrc_ros.adrc.fields import declared
 from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.options import option
 from nadrc_ros.cli.progress import progress
+from nadrc_ros.tuning.search.settings import TuneSettings
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
     from nadrc_ros.tuning.search.result import Tuned
-    from nadrc_ros.tuning.search.settings import TuneSettings
     from nadrc_ros.tuning.search.study import TuningStudy
 
 OUT = Path('out/tune')
-# What is decided after the search, or where it is done.
-NOT_TUNING = (
-    'file',
-    'controller',
-    'settings',
-    'isu',
-    'choose',
-    'storage',
-    'worker',
-    'jobs',
-    'out',
-)
+FIELDS = declared(TuneSettings)
+TUNING = {field.name for field in attrs.fields(TuneSettings)}
+
+
+def _help(name: str) -> Any:
+    """Describe an option of the tuning, unset by default: it may come from a file."""
+    default = FIELDS[name].default
+    return option(FIELDS[name], f'{default:g}' if isinstance(default, float) else str(default))
 
 
 def tune(
@@ -37,13 +36,8 @@ def tune(
     controller: Annotated[
         Optional[list[str]], typer.Option(help='Only this controller; may be repeated.')
     ] = None,
-    budget: Annotated[
-        Optional[float],
-        typer.Option(help='Largest ISU: the best design within it, instead of a front.'),
-    ] = None,
-    objective: Annotated[
-        Optional[str], typer.Option(help='itae (default), iae, ise, itse, rmse, max_error, ...')
-    ] = None,
+    budget: Annotated[Optional[float], _help('budget')] = None,
+    objective: Annotated[Optional[str], _help('objective')] = None,
     vary: Annotated[
         Optional[list[str]],
         typer.Option(help='Instead of the defaults: NAME or NAME=LOW:HIGH; may be repeated.'),
@@ -55,36 +49,17 @@ def tune(
         Optional[list[str]],
         typer.Option(help='Spread of a plant coefficient, a3=0.1:0.3; may be repeated.'),
     ] = None,
-    over: Annotated[
-        Optional[str], typer.Option(help='Of the spread, what counts: worst (default) or mean.')
-    ] = None,
-    seeds: Annotated[
-        Optional[int], typer.Option(help='Noise sequences to average over (3).')
-    ] = None,
-    gain_margin: Annotated[
-        Optional[float], typer.Option(help='Stable with the plant gain times and over this (2).')
-    ] = None,
-    modulus_margin: Annotated[
-        Optional[float], typer.Option(help='Least distance of the loop from -1 (0.4).')
-    ] = None,
-    delay_margin: Annotated[
-        Optional[float], typer.Option(help='Least delay that destabilises, in periods (1).')
-    ] = None,
-    largest_wh: Annotated[
-        Optional[float], typer.Option(help='Largest bandwidth times period (0.3).')
-    ] = None,
-    peak: Annotated[
-        Optional[float], typer.Option(help='Largest |command|; default: the limits.')
-    ] = None,
-    sampler: Annotated[
-        Optional[str],
-        typer.Option(help='nsga2 (default), or with a budget cmaes (default then) or pso.'),
-    ] = None,
-    trials: Annotated[Optional[int], typer.Option(help='Designs to try (1280).')] = None,
-    population: Annotated[
-        Optional[int], typer.Option(help='Designs of a generation (40).')
-    ] = None,
-    seed: Annotated[Optional[int], typer.Option(help='Seed of the search (0).')] = None,
+    over: Annotated[Optional[str], _help('over')] = None,
+    seeds: Annotated[Optional[int], _help('seeds')] = None,
+    gain_margin: Annotated[Optional[float], _help('gain_margin')] = None,
+    modulus_margin: Annotated[Optional[float], _help('modulus_margin')] = None,
+    delay_margin: Annotated[Optional[float], _help('delay_margin')] = None,
+    largest_wh: Annotated[Optional[float], _help('largest_wh')] = None,
+    peak: Annotated[Optional[float], _help('peak')] = None,
+    sampler: Annotated[Optional[str], _help('sampler')] = None,
+    trials: Annotated[Optional[int], _help('trials')] = None,
+    population: Annotated[Optional[int], _help('population')] = None,
+    seed: Annotated[Optional[int], _help('seed')] = None,
     settings: Annotated[
         Optional[Path],
         typer.Option(help='YAML file with the options above, as vary: {b0: [0.5, 2]}.'),
@@ -118,7 +93,7 @@ def tune(
 
     Example: nadrc tune motor_speed, or nadrc tune paper --budget 20 --b0-spread 0.7:1.4
     """
-    options = {key: value for key, value in locals().items() if key not in NOT_TUNING}
+    options = {key: value for key, value in locals().items() if key in TUNING}
     given = {key: value for key, value in options.items() if value not in (None, [])}
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
@@ -144,8 +119,6 @@ def tune(
 
 def _bare(scenario: 'Scenario') -> 'Scenario':
     """Leave retunes out: what is tuned would be overwritten by them."""
-    import attrs
-
     for retune in scenario.retunes:
         complain(f'the retune at {retune.time:g} s is left out: it would change what is tuned')
     return attrs.evolve(scenario, retunes=())
@@ -166,7 +139,7 @@ def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
     return names
 
 
-def _tuning(given: dict[str, Any], file: Optional[Path]) -> 'TuneSettings':
+def _tuning(given: dict[str, Any], file: Optional[Path]) -> TuneSettings:
     from nadrc_ros.adrc.errors import SettingError
     from nadrc_ros.scenario.files import read_text
     from nadrc_ros.scenario.yaml_text import read_yaml
@@ -199,7 +172,7 @@ def _range(name: str, text: str) -> tuple[float, ...]:
 
 
 def _studies(
-    scenario: 'Scenario', names: list[str], tuning: 'TuneSettings', storage: Any, worker: int
+    scenario: 'Scenario', names: list[str], tuning: TuneSettings, storage: Any, worker: int
 ) -> 'dict[str, TuningStudy]':
     from nadrc_ros.simulation.experiment import kernel
     from nadrc_ros.tuning.search.score import Judge
@@ -256,7 +229,7 @@ def _workers(fast: bool, jobs: Optional[int]) -> 'Iterator[Executor]':
 def _finish(
     name: str,
     scenario: 'Scenario',
-    tuning: 'TuneSettings',
+    tuning: TuneSettings,
     studies: 'dict[str, TuningStudy]',
     isu: Optional[float],
     number: Optional[int],
@@ -288,7 +261,7 @@ def _finish(
 ROWS = 12
 
 
-def _print_front(one: 'Tuned', tuning: 'TuneSettings') -> None:
+def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
     """Print some of the front, the ends and the chosen point among them."""
     from nadrc_ros.cli.table import console
     from rich.table import Table
