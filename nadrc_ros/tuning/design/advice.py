@@ -7,11 +7,10 @@ from math import inf
 
 from nadrc_ros.tuning.design.candidates import better_below, Candidate
 from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.rules import LEAST_MODULUS
 
-# A level more has to leave less than this share of the error to be worth its margin, and the loop
-# no nearer to -1 than this (maximum sensitivity 2.5).
+# A level more has to leave less than this share of the error to be worth its margin.
 WORTH = 0.8
-NEAREST = 0.4
 WORDS = {1: 'one observer', 2: 'two nested observers', 3: 'three nested observers'}
 
 
@@ -20,7 +19,7 @@ def advised(found: Sequence[Candidate]) -> Candidate:
     best = found[0]
     for other in _nested(found):
         predicted = other.prediction
-        robust = predicted.margins.modulus >= NEAREST
+        robust = predicted.margins.modulus >= LEAST_MODULUS
         if robust and predicted.error < WORTH * best.prediction.error:
             best = other
     return best
@@ -55,8 +54,8 @@ def advice(wanted: Requirements, found: Sequence[Candidate], best: Candidate) ->
 
 def _why_not(candidate: Candidate) -> str:
     near = candidate.prediction.margins.modulus
-    if near < NEAREST:
-        return f'but come too near to instability (modulus {near:.2f}, wanted {NEAREST:g})'
+    if near < LEAST_MODULUS:
+        return f'but come too near to instability (modulus {near:.2f}, wanted {LEAST_MODULUS:g})'
     return 'which is too little for the margins lost'
 
 

@@ -14,6 +14,7 @@ from math import expm1, floor, log, log10
 
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.rules import PATIENCE
 from scipy import special
 
 BAND = 0.02
@@ -62,7 +63,7 @@ def settings_of(
     """
     usual = ControllerSettings()
     ratio = 2.0 if structure == 'cascade' else 1.0
-    patience = 5.0 * wanted.period
+    patience = PATIENCE * wanted.period
     return ControllerSettings(
         plant_order=wanted.order,
         b0=wanted.b0,

@@ -23,13 +23,15 @@ from nadrc_ros.tuning.design.limits import (
     largest,
     LIMITS,
     MOST,
-    MOST_PER_PERIOD,
     noise_gain,
+    robust_enough,
+    slow_enough,
     SLOWEST_SHARE,
     Test,
 )
 from nadrc_ros.tuning.design.prediction import nominal_loop, predict, Prediction, rejection
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
+from nadrc_ros.tuning.rules import LARGEST_W_H
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize
@@ -138,7 +140,7 @@ def equally_noisy(
         gain = noise_gain(design, wanted)
         return float(np.log(gain / target)) if gain < inf else 1e3
 
-    low, high = SLOWEST_SHARE * wc, min(MOST_PER_PERIOD * wanted.rate, MOST)
+    low, high = SLOWEST_SHARE * wc, min(LARGEST_W_H * wanted.rate, MOST)
     if structure == 'cascade':  # its last level is that many times as fast
         high = min(high, MOST / 2.0 ** (levels - 1))
     if excess(low) > 0.0 or excess(high) < 0.0:
@@ -146,7 +148,7 @@ def equally_noisy(
     w = float(optimize.brentq(excess, low, high, rtol=1e-9))
     settings = settings_of(wanted, structure, levels, wc, readable(w))
     design = make_design(settings)
-    if not all(test(design, wanted) for name, test in LIMITS.items() if 'noise' not in name):
+    if not (slow_enough(design, wanted) and robust_enough(design, wanted)):
         return None
     return Candidate(
         settings=settings, decided_by='equal noise', prediction=predict(settings, wanted)

@@ -14,8 +14,8 @@ from nadrc_ros.tuning.design.advice import advice, advised
 from nadrc_ros.tuning.design.bandwidths import settling_factor
 from nadrc_ros.tuning.design.candidates import asked, Candidate, candidates
 from nadrc_ros.tuning.design.experiment import expect, Expected, experiment
-from nadrc_ros.tuning.design.limits import MOST_PER_PERIOD
 from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.rules import LARGEST_W_H
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -49,7 +49,7 @@ class FirstDesign:
             f'settling time{held}, exact for (s + wc)^{wanted.order} (Gao 2003; by thumb 4 or 6 / '
             'settling time for order 1 or 2, Herbst 2013)',
             f'one observer w = {w:.4g} rad/s, set by {one.decided_by}: {w / wc:.3g} wc (3 to 10, '
-            f'Herbst 2013), w / rate = {w * wanted.period:.3g} (at most {MOST_PER_PERIOD:g})',
+            f'Herbst 2013), w / rate = {w * wanted.period:.3g} (at most {LARGEST_W_H:g})',
             'more observers: as fast as the same noise of the command allows',
         ]
         if wanted.half_gain:

@@ -19,8 +19,8 @@ from nadrc_ros.tuning.design.bandwidths import (
     SLOWEST,
 )
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
+from nadrc_ros.tuning.rules import LARGEST_W_H
 
-MOST_PER_PERIOD = 0.3
 DELAY_SHARE = 0.5
 DEVIATIONS = 3.0
 LONGEST = 1e3  # times the settling time asked for, up to which a possible one is sought
@@ -41,8 +41,8 @@ def noise_gain(design: Design, wanted: Requirements) -> float:
 
 
 def slow_enough(design: Design, wanted: Requirements) -> bool:
-    """Tell whether w h <= 0.3 for every level: beyond, sampling eats the margins up."""
-    return max(design.bandwidths) <= MOST_PER_PERIOD * wanted.rate * (1.0 + 1e-9)
+    """Tell whether w h of every level is at most ``LARGEST_W_H``."""
+    return max(design.bandwidths) <= LARGEST_W_H * wanted.rate * (1.0 + 1e-9)
 
 
 def robust_enough(design: Design, wanted: Requirements) -> bool:
@@ -65,7 +65,7 @@ def noise_budget(wanted: Requirements) -> float:
 
 
 LIMITS: dict[str, Test] = {
-    f'w h = {MOST_PER_PERIOD:g}': slow_enough,
+    f'w h = {LARGEST_W_H:g}': slow_enough,
     'the delay': robust_enough,
     'the limit of the command noise': quiet_enough,
 }
@@ -112,11 +112,11 @@ def _conflict(wanted: Requirements) -> str:
     """Return what keeps even an observer of 3 wc from working, nothing if it works."""
     asked = f'settling_time = {wanted.settling_time:g} s'
     least = SLOWEST * settling_factor(wanted.order) / wanted.settling_time
-    most = MOST_PER_PERIOD * wanted.rate
+    most = LARGEST_W_H * wanted.rate
     if least > most:
         return (
             f'{asked} is too short for rate = {wanted.rate:g} Hz: the observer needs 3 wc = '
-            f'{least:.4g} rad/s, and 0.3 rate = {most:.4g} rad/s is the most'
+            f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most'
         )
     wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
     if wc > FASTEST_WC:

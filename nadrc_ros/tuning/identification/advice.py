@@ -37,14 +37,13 @@ from nadrc_ros.tuning.identification.predictor import (
     noise_polynomial,
     plant_polynomials,
 )
+from nadrc_ros.tuning.rules import LARGEST_W_H, PATIENCE
 import numpy as np
 from scipy.optimize import brentq
 
-LARGEST_W_H = 0.3
-LARGEST_W_LATE = 0.3
+LARGEST_W_LATE = LARGEST_W_H
 NOISE_SHARE = 0.05
 OUTER, CONTROLLER = 0.5, 0.2  # of the inner bandwidth
-PATIENCE = 5.0  # timeouts of a slow loop [periods]
 NAME = 'identified'
 
 

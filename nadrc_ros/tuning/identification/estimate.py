@@ -35,7 +35,8 @@ Z95 = 1.959964
 LAGS = (0.0, 0.01, 0.03, 0.1)
 # Poles of the instruments, relative to the noise bandwidth.
 INSTRUMENT_POLES = (0.1, 0.3, 1.0)
-LARGEST_W_H = 2.5
+# Of the noise bandwidth, up to which it is sought.
+FASTEST_W_H = 2.5
 # Delays from which the search starts, and ends of it, in periods.
 DELAYS = (1.0, 3.0, 6.0, 12.0, 24.0)
 SHORTEST_LATE, LONGEST_DELAY = 0.02, 40.0
@@ -109,7 +110,7 @@ def fit_direct(
         ]
     low, high = (
         np.append(limits[0], -np.log(30.0)),
-        np.append(limits[1], np.log(LARGEST_W_H / (log.h * start))),
+        np.append(limits[1], np.log(FASTEST_W_H / (log.h * start))),
     )
     scale = float(np.std(np.diff(log.measurement))) or 1.0
 

@@ -9,6 +9,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, integer, number
+from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 OBJECTIVES = ('itae', 'iae', 'ise', 'itse', 'rmse', 'max_error', 'peak_error')
 SAMPLERS = ('auto', 'nsga2', 'cmaes', 'pso')
@@ -80,9 +81,11 @@ class TuneSettings:
     gain_margin: float = number(
         2.0, 1.0, 1e3, '', 'the loop stays stable with the plant gain times and through this'
     )
-    modulus_margin: float = number(0.4, 0.0, 1.0, '', 'least distance of the loop from -1')
+    modulus_margin: float = number(
+        LEAST_MODULUS, 0.0, 1.0, '', 'least distance of the loop from -1'
+    )
     delay_margin: float = number(1.0, 0.0, 1e6, 'periods', 'least delay that destabilises')
-    largest_wh: float = number(0.3, 1e-6, 10.0, '', 'largest bandwidth times period')
+    largest_wh: float = number(LARGEST_W_H, 1e-6, 10.0, '', 'largest bandwidth times period')
     peak: float = number(
         0.0, 0.0, 1e9, 'command unit', 'largest |command|; 0 = the limits of the scenario'
     )

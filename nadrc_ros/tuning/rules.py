@@ -1,0 +1,9 @@
+"""Rules of thumb on which design, search and identification agree."""
+
+# Observer bandwidth times period. Up to there the sampled observer does what its continuous design
+# says; beyond, sampling eats the margins up.
+LARGEST_W_H = 0.3
+# Distance of the loop from -1: a maximum sensitivity of 2.5.
+LEAST_MODULUS = 0.4
+# Timeouts of a loop so slow that the usual ones would be too short for lost samples [periods].
+PATIENCE = 5.0
