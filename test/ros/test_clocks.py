@@ -46,11 +46,14 @@ class Disordered(ControllerNode):
     def _on_measurement(self, value: float, info: Info) -> None:
         number = info['publication_sequence_number']
         self.stamps.append(info['source_timestamp'])
-        kind = self.random.choice(('repeated', 'late', 'future', *5 * ('good',)))
-        if not self.active or kind == 'good':
+        kind = 'good'
+        if self.active:
+            kind = self.random.choice(('repeated', 'late', 'future', *5 * ('good',)))
+        if kind == 'good':
             super()._on_measurement(value, info)
         elif kind == 'late':  # by up to 20 periods, while the fresh ones go on
             self.late.append((number + self.random.randint(1, 20), value, info))
+            return
         elif kind == 'repeated':
             self.given['repeated'] += 1
             super()._on_measurement(value, info)
@@ -59,10 +62,11 @@ class Disordered(ControllerNode):
             self.given['future'] += 1
             stamp = info['source_timestamp'] + HOUR
             super()._on_measurement(value, {**info, 'source_timestamp': stamp})
-        for due in [entry for entry in self.late if entry[0] <= number]:
-            self.late.remove(due)
+        # right after a newer one: two old ones in a row are what a restarted publisher sends
+        if due := [entry for entry in self.late if entry[0] <= number]:
+            self.late.remove(due[0])
             self.given['late'] += 1
-            super()._on_measurement(*due[1:])
+            super()._on_measurement(*due[0][1:])
 
 
 @pytest.mark.parametrize('trigger', ['timer', 'measurement'])
@@ -79,14 +83,13 @@ def test_p09_late_repeated_and_reordered_samples_are_counted_and_do_not_corrupt_
     probe.wait_until(lambda: len(outputs) > 100)
     node.active = True
     m, k = len(estimates), len(outputs)
-    probe.wait_until(lambda: len(outputs) >= k + 150)
+    probe.wait_until(lambda: len(outputs) >= k + 150 and min(node.given.values()) > 5)
     lowest, highest = min(outputs[k - 1 :]), max(outputs[k - 1 :])
     assert highest - lowest > 0.5
     assert all(lowest - 0.2 < estimate < highest + 0.2 for estimate in estimates[m + 2 : -2])
     node.diagnostics.publish()
     periods = str(node.ticker.periods)
     given, total = dict(node.given), (node.stamps[-1] - node.stamps[0]) * 1e-9
-    assert min(given.values()) > 5
 
     def published() -> list[dict[str, str]]:
         return [report[2] for report in probe.said() if report[2]['periods'] == periods]
