@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import re
 import signal
+import time
 from typing import Any
 
 from nadrc_ros.nodes.controller import ControllerNode
@@ -168,14 +169,18 @@ def test_p17_p15_a_frozen_controller_catches_nothing_up_and_the_plant_waits_at_s
     with stopped(controller):
         probe.wait_until(lambda: 'no command for' in plant.said)
         probe.wait_until(more(probe, measurements, 100))  # the plant keeps the time
-        frozen = len(measurements)
-        n = len(commands)
+        n, begin = len(commands), time.monotonic()
     probe.wait_until(more(probe, commands, 1))
     probe.wait_until(more(probe, measurements, 30))
     # as many commands as periods went by: those that were missed are not made up for
-    assert len(commands) - n <= len(measurements) - frozen + 5
+    assert len(commands) - n <= RATE * (time.monotonic() - begin) + 5
     probe.wait_until(lambda: missed() - before >= 90)
     probe.wait_until(lambda: abs(commands[-1] + 5.0) < 0.2 and probe.said()[-1][0] == OK)
     probe.wait_until(lambda: probe.said('plant')[-1][0] == OK)
-    timeouts = int(probe.said('plant')[-1][2]['command_timeouts'])
-    assert timeouts == plant.said.count('no command for') < 10  # a busy machine makes its own
+
+    def timeouts() -> int:
+        return int(probe.said('plant')[-1][2]['command_timeouts'])
+
+    # one in 5 s is logged, and before it is reported
+    probe.wait_until(lambda: 1 <= plant.said.count('no command for') <= timeouts())
+    assert timeouts() < 10  # a busy machine makes its own
