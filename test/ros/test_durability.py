@@ -73,8 +73,9 @@ def test_however_its_recorder_ends_a_run_can_be_read_and_summarised(
     probe.wait_until(lambda: len(measurements) >= n + 120)
     killed.signal(signal.SIGKILL)
     assert killed.end() == -signal.SIGKILL
-    last = read_samples(folders[1])['measurement'][-1]
-    assert measurements[::-1].index(last) <= RATE
+    rows = read_samples(folders[1])
+    assert measurements[::-1].index(rows['measurement'][-1]) <= RATE
+    assert rows['time'] == sorted(set(rows['time']))
 
     ended.signal(signal.SIGTERM)
     assert probe.end_of(ended) == 0

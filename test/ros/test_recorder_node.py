@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import accumulate, pairwise
 import json
 from math import isnan, nan
 from pathlib import Path
@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from nadrc_ros.nodes.diagnostics import OK, WARN
-from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.nodes.plant import LONGEST_STALL, PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.recording import (
     read_samples,
@@ -207,9 +207,11 @@ def test_periods_that_the_plant_missed_leave_a_gap_and_are_no_loss(
     node.folder.flush()
     samples = read_samples(node.folder.path)
     periods = [round(t * RATE) for t in samples['time']]
-    assert max(b - a for a, b in pairwise(periods)) >= 20
+    gaps = [b - a for a, b in pairwise(periods)]
+    assert max(gaps) >= 20
     # y' = u = 1: the output tells the time of the plant
-    late = [y * RATE - k for k, y in zip(periods, samples['output'])]
+    passed = accumulate((min(gap, LONGEST_STALL * RATE) for gap in gaps), initial=0)
+    late = [y * RATE - k for k, y in zip(passed, samples['output'])]
     assert max(late) - min(late) <= 2.0
     assert sum(node.lost.values()) == 0
 
@@ -322,23 +324,6 @@ def wait_for_rows(probe: Probe, directory: Path, count: int) -> Path:
 
     folder: Path = probe.wait_until(found)
     return folder
-
-
-def test_killed_it_has_lost_a_second_at_most(probe: Probe, start: Processes) -> None:
-    recorder, directory = loop(start)
-    measurements = probe.listen('measurement')
-    folder = wait_for_rows(probe, directory, 50)
-    n = len(measurements)
-    probe.wait_until(lambda: len(measurements) > n + 120)
-    recorder.signal(signal.SIGKILL)
-    assert recorder.end() == -signal.SIGKILL
-    probe.spin(0.05)
-    rows = read_samples(folder)
-    assert not (folder / SUMMARY).exists()
-    last = rows['measurement'][-1]
-    behind = len(measurements) - 1 - max(i for i, y in enumerate(measurements) if y == last)
-    assert behind <= RATE
-    assert rows['time'] == sorted(set(rows['time']))
 
 
 def test_interrupted_it_leaves_a_summary(probe: Probe, start: Processes) -> None:
