@@ -10,33 +10,36 @@ import time
 import pytest
 from resources import growth, Held, held, LEVEL
 
-# Prints when it is warm, and keeps so many bytes every millisecond.
+# Each time it is asked keeps so many bytes 40 times: a sample has as many of them as any other.
 PROCESS = """
 import sys, time
 kept = []
-for k in range(100_000):
-    time.sleep(1e-3)
-    kept.append(bytes(int(sys.argv[1])))
-    if int(sys.argv[1]) == 0:
-        kept.clear()
-    if k == 100:
-        print('warm', flush=True)
+while sys.stdin.readline():
+    for _ in range(40):
+        time.sleep(1e-3)
+        kept.append(bytes(int(sys.argv[1])))
+        if int(sys.argv[1]) == 0:
+            kept.clear()
+    print('done', flush=True)
 """
+WARM = 3
 
 
 @pytest.mark.parametrize(('size', 'leaks'), [(400, True), (0, False)])
 def test_a_leak_of_a_running_process_is_seen(size: int, leaks: bool) -> None:
+    samples = []
     with subprocess.Popen(
-        [sys.executable, '-c', PROCESS, str(size)], stdout=subprocess.PIPE
+        [sys.executable, '-c', PROCESS, str(size)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        bufsize=0,
     ) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        samples = []
-        for _ in range(61):
-            time.sleep(0.04)
+        assert process.stdin is not None and process.stdout is not None
+        for _ in range(WARM + 61):
+            process.stdin.write(b'\n')
+            assert process.stdout.readline() == b'done\n'
             samples.append(held(process.pid, time.monotonic()))
-        process.kill()
-    found = growth(samples)
+    found = growth(samples[WARM:])
     assert found.leaks() == leaks, found
     if leaks:  # 400 bytes and what Python adds, at most 1000 times a second
         assert 0.0 < found.low <= found.median <= found.high < 60_000.0
