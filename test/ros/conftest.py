@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 import fcntl
 from itertools import count
 import os
@@ -28,7 +29,12 @@ def _take_domain() -> IO[str]:
     """Lock the first free domain for as long as this process lives."""
     for domain in DOMAINS:
         path = Path(tempfile.gettempdir(), f'nadrc_ros_domain_{domain}.lock')
-        lock = path.open('a')
+        with suppress(OSError):  # another user's: who may read it may lock it too
+            path.touch()
+        try:
+            lock = path.open()
+        except OSError:
+            continue
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
