@@ -29,7 +29,7 @@ def test_p20_random_faults_leave_no_growth_no_flood_and_no_lost_record(
     check_commands(run)
     check_logs(run)
     check_records(run)
-    for name in ('plant', 'reference', 'controller'):
+    for name in NODES:
         check_resources(name, run, LEAST[soak])
 
 
