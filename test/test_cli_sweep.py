@@ -201,7 +201,7 @@ def test_a_header_that_was_cut_short_is_written_again(
 def test_what_is_done_is_kept_and_not_done_again(
     kill: signal.Signals, code: int, file: Path, tmp_path: Path
 ) -> None:
-    file.write_text(SWEEP.replace('DURATION', '10.0').replace('25', '4'))
+    file.write_text(SWEEP.replace('DURATION', '10.0').replace('25', '16'))
     path = tmp_path / 'out.csv'
     process = start(file, '--out', path, '--jobs', 2)
     wait_for_rows(path, 3, process)
@@ -213,9 +213,9 @@ def test_what_is_done_is_kept_and_not_done_again(
     assert process.returncode == code, errors
     kept = path.read_bytes()
     count = kept.count(b'\n') - 1
-    assert 3 <= count < 32
+    assert 3 <= count < 128
     if kill == signal.SIGINT:
-        assert f'interrupted: {count} of 32 runs are kept; the same command goes on' in errors
+        assert f'interrupted: {count} of 128 runs are kept; the same command goes on' in errors
         assert len(errors.splitlines()) == 1
     deadline = time.monotonic() + PATIENCE
     while processes_in(tmp_path):
@@ -224,11 +224,11 @@ def test_what_is_done_is_kept_and_not_done_again(
     done = nadrc(file, '--out', path)
     assert done.exit_code == 0, done.output
     assert path.read_bytes().startswith(kept)
-    assert [row['seed'] for row in rows(path)] == [str(seed) for seed in range(4)] * 8
+    assert [row['seed'] for row in rows(path)] == [str(seed) for seed in range(16)] * 8
 
 
 def test_a_worker_that_is_killed_ends_it_with_what_is_done(file: Path, tmp_path: Path) -> None:
-    file.write_text(SWEEP.replace('DURATION', '10.0').replace('25', '4'))
+    file.write_text(SWEEP.replace('DURATION', '10.0').replace('25', '16'))
     path = tmp_path / 'out.csv'
     process = start(file, '--out', path, '--jobs', 1)
     wait_for_rows(path, 3, process)
@@ -237,7 +237,7 @@ def test_a_worker_that_is_killed_ends_it_with_what_is_done(file: Path, tmp_path:
             os.kill(int(child), signal.SIGKILL)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
-    assert re.fullmatch(r'nadrc: the workers are gone: \d+ of 32 runs are kept; .*\n', errors)
+    assert re.fullmatch(r'nadrc: the workers are gone: \d+ of 128 runs are kept; .*\n', errors)
 
 
 @pytest.mark.parametrize('name', ['out.csv', 'out.parquet'])

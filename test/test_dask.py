@@ -19,8 +19,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
 PATIENCE = 60.0
-RUNS = 32
-# 32 tasks of a run each, some 0.1 s in plain Python.
+RUNS = 48
+# 48 tasks of a run each, some 0.1 s in plain Python.
 SWEEP = """
 scenario:
   plant: {name: paper}
@@ -30,7 +30,7 @@ scenario:
   duration: 3.0
   controllers: {conventional: {structure: conventional}, nested: {}}
 vary: {plant.a3: [0.1, 0.25]}
-seeds: 8
+seeds: 12
 """
 
 
@@ -96,7 +96,7 @@ def test_a_worker_that_is_killed_in_the_middle_loses_nothing(
     file.write_text(SWEEP)
     arguments = ('sweep', file, '--out', out, '--dask', address)
     with Process(tmp_path / 'nadrc', 'nadrc_ros.cli', *arguments) as nadrc:
-        nadrc.wait_for('\n', out, 1 + RUNS // 4)
+        nadrc.wait_for('\n', out, 1 + RUNS // 12)
         workers[0].popen.send_signal(signal.SIGKILL)
         assert out.read_text().count('\n') < 1 + RUNS
         assert nadrc.popen.wait(PATIENCE) == 0, nadrc.log.read_text()
