@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 import os
 from pathlib import Path
 import signal
@@ -32,6 +33,7 @@ from std_srvs.srv import SetBool, Trigger
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 30.0
+END_PATIENCE = 3.0
 ASK_AGAIN = 5.0
 
 Values = dict[str, Any]
@@ -112,9 +114,15 @@ class Processes:
         return process
 
     def kill(self) -> None:
+        """End all that still run; peers would look for one that was killed for 20 s."""
         for process in self._all:
-            if process.running:
-                process.popen.kill()
+            for number in (signal.SIGCONT, signal.SIGINT):
+                process.popen.send_signal(number)
+        end = time.monotonic() + END_PATIENCE
+        for process in self._all:
+            with suppress(subprocess.TimeoutExpired):
+                process.end(max(0.0, end - time.monotonic()))
+            process.popen.kill()
             process.popen.wait()
 
 
