@@ -50,22 +50,20 @@ def demo(
     with reporting():
         try:
             from nadrc_ros.nodes.graph import private_domain
-            from nadrc_ros.nodes.operation import GraphError
         except ImportError as error:
-            complain(f'ROS 2 is not here ({error}): source it, or use `make demo`')
-            raise typer.Exit(USER_ERROR) from None
+            from nadrc_ros.adrc.errors import UserError
+
+            raise UserError(
+                f'ROS 2 is not here ({error}): source it, or use `make demo`'
+            ) from None
         scenario = changed(whole, duration=duration, rate=rate, noise_variance=noise_variance)
         domain = private_domain()
         typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
         out.mkdir(parents=True, exist_ok=True)
-        try:
-            if lockstep:
-                runs = _in_lockstep(scenario, out)
-            else:
-                runs = _in_real_time(scenario, out, keep_open)
-        except GraphError as error:
-            complain(str(error))
-            raise typer.Exit(USER_ERROR) from None
+        if lockstep:
+            runs = _in_lockstep(scenario, out)
+        else:
+            runs = _in_real_time(scenario, out, keep_open)
         _print_table(path.stem, scenario, runs)
         _write_picture(out / 'demo.png', path.stem, scenario, runs)
         _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
@@ -131,33 +129,32 @@ def _figures(run: 'Run') -> dict[str, Any]:
     }
 
 
-ROWS = {
-    'itae': 'ITAE',
-    'isu': 'ISU',
-    'peak_error': 'peak |e| after 2 s',
-    'total_variation': 'total variation of u',
-    'periods': 'periods',
-    'missed_periods': 'missed periods',
-    'latency_median_ms': 'measurement to command, median [ms]',
-    'latency_p99_ms': 'measurement to command, 99 % [ms]',
-    'samples_lost': 'samples lost by the recorder',
-}
-
-
 def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    from nadrc_ros.cli.table import console
     from nadrc_ros.report.caption import title_of
-    from rich.console import Console
+    from nadrc_ros.simulation.metrics import SETTLE_TIME
     from rich.table import Table
 
+    rows = {
+        'itae': 'ITAE',
+        'isu': 'ISU',
+        'peak_error': f'peak |e| after {SETTLE_TIME:g} s',
+        'total_variation': 'total variation of u',
+        'periods': 'periods',
+        'missed_periods': 'missed periods',
+        'latency_median_ms': 'measurement to command, median [ms]',
+        'latency_p99_ms': 'measurement to command, 99 % [ms]',
+        'samples_lost': 'samples lost by the recorder',
+    }
     table = Table(title=title_of(name, scenario), title_justify='left', box=None, pad_edge=False)
     table.add_column('')
     for run in runs:
         table.add_column(run, justify='right')
     figures = {run: _figures(result) for run, result in runs.items()}
-    for key, label in ROWS.items():
+    for key, label in rows.items():
         values = [figures[run][key] for run in runs]
         table.add_row(label, *('-' if v is None else f'{v:.4g}' for v in values))
-    Console().print(table)
+    console().print(table)
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from nadrc_ros.paper.section import Section
 
 DESIGNS = 'designs.yaml'
-PIPE_WIDTH = 200
 
 
 def paper(
@@ -104,8 +103,8 @@ def _retune(out: Path, jobs: int) -> None:
 
 
 def _print_table_1(result: dict[str, Any]) -> None:
+    from nadrc_ros.cli.table import console
     from nadrc_ros.paper.tables import table_1
-    from rich.console import Console
     from rich.table import Table
 
     found = table_1(result)
@@ -119,7 +118,4 @@ def _print_table_1(result: dict[str, Any]) -> None:
         table.add_column('', justify='right')
     for row in found.rows:
         table.add_row(*row)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=PIPE_WIDTH)  # nobody there to wrap lines for
-    console.print(table)
+    console().print(table)
