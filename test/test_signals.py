@@ -13,7 +13,6 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.simulation.signals import (
     make_signal,
-    MAX_DERIVATIVES,
     Signal,
     signal_fields,
     signal_type,
@@ -23,6 +22,7 @@ from nadrc_ros.simulation.signals import (
 import pytest
 
 SMOOTH = ('none', 'constant', 'ramp', 'sine', 'cosine', 'chirp', 'decaying_cosine')
+MAX_DERIVATIVES = 6
 STENCIL = (-1 / 60, 3 / 20, -3 / 4, 0.0, 3 / 4, -3 / 20, 1 / 60)
 FLAT = st.fixed_dictionaries(
     {

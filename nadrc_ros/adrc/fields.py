@@ -9,7 +9,7 @@ read from it. Each takes ``live=False`` for what is fixed at start; ``number`` a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isfinite
 from typing import Any, TypeVar
 
@@ -124,15 +124,28 @@ def build(cls: type[T], values: Mapping[str, Any], path: str = '') -> T:
 
     """
     names = [f.name for f in attrs.fields(cls) if f.init]  # type: ignore[arg-type]
-    for key, value in values.items():
-        if key not in names:
-            raise SettingError(
-                str(key), value, 'left out: allowed keys are ' + ', '.join(names)
-            ).inside(path)
+    refuse_unknown_keys(values, names, path)
     try:
         return cls(**values)
     except SettingError as error:
         raise error.inside(path) from None
+
+
+def refuse_unknown_keys(values: Mapping[Any, Any], allowed: Iterable[str], path: str = '') -> None:
+    """
+    Refuse a key that is not allowed, by its dotted path.
+
+    Raises
+    ------
+    SettingError
+        For the first such key, with the keys that are allowed.
+
+    """
+    known = tuple(allowed)
+    for key, value in values.items():
+        if key not in known:
+            error = SettingError(str(key), value, 'left out: allowed keys are ' + ', '.join(known))
+            raise error.inside(path)
 
 
 def _field(kind: str, default: Any, description: str, **more: Any) -> Any:

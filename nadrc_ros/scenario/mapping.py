@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.adrc.fields import build, declared, refuse_unknown_keys
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.scenario import check_controller_name, Scenario
@@ -51,7 +51,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         What is wrong, by its dotted path.
 
     """
-    _refuse_unknown(_mapping(data, ''), KEYS, '')
+    refuse_unknown_keys(_mapping(data, ''), KEYS)
     given = {key: value for key, value in data.items() if value is not None}
     for key, example in NEEDED.items():
         if key not in given:
@@ -137,14 +137,14 @@ def _signal(data: Any, path: str) -> SignalSpec:
 
 def _noise(data: Any, seed: Any) -> Noise:
     values = _mapping(data, 'noise')
-    _refuse_unknown(values, ('variance', 'sample_time'), 'noise')
+    refuse_unknown_keys(values, ('variance', 'sample_time'), 'noise')
     build(Noise, {'seed': seed})  # a bad seed is named without the path of the noise
     return build(Noise, values | {'seed': seed}, 'noise')
 
 
 def _faults(data: Any) -> Faults:
     values = _mapping(data, 'faults')
-    _refuse_unknown(values, tuple(FAULTS), 'faults')
+    refuse_unknown_keys(values, FAULTS, 'faults')
     found: dict[str, Any] = {}
     for where, faults in values.items():
         if not isinstance(faults, list):
@@ -169,7 +169,7 @@ def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, C
 
 def _limits(data: Any) -> dict[str, Any]:
     values = _mapping(data, 'limits')
-    _refuse_unknown(values, LIMITS, 'limits')
+    refuse_unknown_keys(values, LIMITS, 'limits')
     for key, value in values.items():
         setting = declared(ControllerSettings)[key]
         if not setting.accepts(value):
@@ -220,13 +220,6 @@ def _mapping(data: Any, path: str) -> dict[str, Any]:
             )
             raise error.inside(path)
     return dict(data)
-
-
-def _refuse_unknown(data: Mapping[Any, Any], allowed: tuple[str, ...], path: str) -> None:
-    for key, value in data.items():
-        if key not in allowed:
-            error = SettingError(key, value, 'left out: allowed keys are ' + ', '.join(allowed))
-            raise error.inside(path)
 
 
 def _plain(value: Any) -> Any:

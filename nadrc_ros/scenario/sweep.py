@@ -12,6 +12,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.fields import refuse_unknown_keys
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.files import find_scenario, read_text
 from nadrc_ros.scenario.mapping import from_mapping
@@ -176,9 +177,7 @@ def load_sweep(path: str | Path) -> Sweep:
 
     """
     data = _read(path, 'a sweep is a mapping of scenario, vary and seeds')
-    for key, value in data.items():
-        if key not in KEYS:
-            raise SettingError(str(key), value, 'left out: allowed keys are ' + ', '.join(KEYS))
+    refuse_unknown_keys(data, KEYS)
     scenario, folder = _scenario(data.get('scenario'), Path(path).parent)
     if not isinstance(scenario.get('controllers'), dict):
         raise SettingError(

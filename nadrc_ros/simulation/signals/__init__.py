@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, Declared, declared
+from nadrc_ros.adrc.fields import build, Declared, declared, refuse_unknown_keys
 from nadrc_ros.simulation.signals.chirp import Chirp
 from nadrc_ros.simulation.signals.decaying_cosine import DecayingCosine
 from nadrc_ros.simulation.signals.elementary import Constant, Nothing, Ramp, Step
 from nadrc_ros.simulation.signals.periodic import Cosine, Sine, Square
-from nadrc_ros.simulation.signals.protocol import MAX_DERIVATIVES, Signal
+from nadrc_ros.simulation.signals.protocol import Signal
 from nadrc_ros.simulation.signals.trapezoid import Trapezoid
 
-__all__ = ['MAX_DERIVATIVES', 'SIGNALS', 'Signal', 'make_signal', 'signal_fields', 'signal_type']
+__all__ = ['SIGNALS', 'Signal', 'make_signal', 'signal_fields', 'signal_type']
 
 SIGNALS: dict[str, type[Signal]] = {
     'none': Nothing,
@@ -65,7 +65,5 @@ def make_signal(name: str, values: Mapping[str, Any]) -> Signal:
     """
     cls = signal_type(name)
     known, own = signal_fields(), declared(cls)
-    for key, value in values.items():
-        if key not in known:
-            raise SettingError(key, value, 'left out: allowed keys are ' + ', '.join(known))
+    refuse_unknown_keys(values, known)
     return build(cls, {key: value for key, value in values.items() if key in own})

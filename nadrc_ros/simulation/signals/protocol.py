@@ -6,8 +6,6 @@ from typing import Protocol
 
 from nadrc_ros.simulation.vector import MutableVector
 
-MAX_DERIVATIVES = 6
-
 
 class Signal(Protocol):
     """A scalar function of time, used as reference or as disturbance."""
