@@ -10,7 +10,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.faults import Faults
-from nadrc_ros.simulation.loop import Kernel, LEVELS, Loop, WIDTH
+from nadrc_ros.simulation.loop import COLUMNS, Kernel, LEVELS, Loop, WIDTH
 from nadrc_ros.simulation.metrics import metric_values, MetricValues
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
@@ -134,17 +134,9 @@ def simulate(
     steps = experiment.steps
     loop, rows = Loop(experiment, settings), np.full((steps, WIDTH), np.nan)
     loop.run(rows, kernel(experiment, steps, compiled, say))
-    columns = np.ascontiguousarray(rows.T)
+    columns = dict(zip(COLUMNS, np.ascontiguousarray(rows.T)))
     return Result(
-        time=columns[0],
-        reference=columns[1],
-        tracking=columns[2],
-        output=columns[3],
-        measurement=columns[4],
-        command=columns[5],
-        output_estimate=columns[6],
-        disturbance_estimate=columns[7],
-        total_disturbance=columns[8],
+        **columns,
         disturbances=rows[:, LEVELS : LEVELS + loop.levels].copy(),
         metrics=metric_values(loop.acc),
         status_counts={s.name.lower(): n for s, n in loop.controller.counts.items() if n},

@@ -10,7 +10,7 @@ import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.faults import Sample
-from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME, SIZE
+from nadrc_ros.simulation.metrics import accumulate, SIZE
 from nadrc_ros.simulation.periods import first_period
 from nadrc_ros.simulation.remainder import accumulate_remainders
 from nadrc_ros.simulation.signals import Signal
@@ -21,9 +21,19 @@ if TYPE_CHECKING:
     from nadrc_ros.simulation.experiment import Experiment
 
 Array = npt.NDArray[np.float64]
-# A row: time, reference, tracking, output, measurement, command, estimates of output and
-# disturbance, truth; then one estimate per level.
-LEVELS = 9
+# A row: these, then one estimate per level.
+COLUMNS = (
+    'time',
+    'reference',
+    'tracking',
+    'output',
+    'measurement',
+    'command',
+    'output_estimate',
+    'disturbance_estimate',
+    'total_disturbance',
+)
+LEVELS = len(COLUMNS)
 WIDTH = LEVELS + MAX_LEVELS
 # Periods between two draws of noise: the memory of a run of any length.
 BLOCK = 8192
@@ -117,7 +127,7 @@ class Loop:
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
         truth = process.total_disturbance(u, acting) + (process.plant.b0 - now.b0) * u
-        accumulate(self.acc, t, h, followed - y, u, saturated, SETTLE_TIME)
+        accumulate(self.acc, t, h, followed - y, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
         if len(rows):
