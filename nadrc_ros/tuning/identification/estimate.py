@@ -196,7 +196,7 @@ def reference_space(log: Log, form: Form, bandwidth: float) -> Array | None:
     The reference and its derivatives up to n, prefiltered as the model is, and each through lags
     of several speeds. A loop that starts away from its reference is stepped by it.
     """
-    if not (np.isfinite(log.reference).all() and np.ptp(log.reference) > 0.0):
+    if not log.reference_moves:
         return None
     away = log.reference - log.measurement[0]
     poles = noise_polynomial(form, bandwidth, log.h)

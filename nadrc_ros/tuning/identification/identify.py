@@ -18,7 +18,6 @@ from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.tuning.identification.estimate import Estimate, Fit, fit_direct, fit_late, refine
 from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine, noise_deviation
 from nadrc_ros.tuning.identification.predictor import Form, Log
-import numpy as np
 
 ORDERS = (1, 2, 3)
 SMOOTHNESS = (1, 2, 3)
@@ -89,7 +88,6 @@ def identify(log: Log, order: int | None = None) -> Plant:
     orders = (order,) if order else ORDERS
     fits = [fit for order in orders for fit in candidates(log, order)]
     chosen = simplest(fits)
-    instruments = bool(np.isfinite(log.reference).all() and np.ptp(log.reference) > 0.0)
     refined, estimates = refine(log, chosen)
     b0, late = estimates[0], chosen.form.late
     if not refined.innovation <= WORSE * chosen.innovation:
@@ -115,10 +113,10 @@ def identify(log: Log, order: int | None = None) -> Plant:
         unexplained={
             n: min(f.innovation for f in fits if f.form.order == n) / best for n in orders
         },
-        instruments=instruments,
+        instruments=log.reference_moves,
         samples=len(log.command),
         period=log.h,
-        doubts=tuple(_doubts(log, instruments, b0)),
+        doubts=tuple(_doubts(log, b0)),
     )
 
 
@@ -142,9 +140,9 @@ def simplest(fits: Sequence[Fit]) -> Fit:
     return next(fit for fit in fits if fit.innovation <= NEARLY * best)
 
 
-def _doubts(log: Log, instruments: bool, b0: Estimate) -> list[str]:
+def _doubts(log: Log, b0: Estimate) -> list[str]:
     doubts = []
-    if not instruments:
+    if not log.reference_moves:
         doubts.append(
             'no reference that moves was recorded: a disturbance that the loop fights may pass '
             'for a wrong b0, and the interval does not know of it'

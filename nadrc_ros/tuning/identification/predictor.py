@@ -49,6 +49,11 @@ class Log:
     reference: Array
     h: float
 
+    @property
+    def reference_moves(self) -> bool:
+        """Tell whether the reference is known throughout, and no constant."""
+        return bool(np.isfinite(self.reference).all() and np.ptp(self.reference) > 0.0)
+
 
 def butterworth(count: int, bandwidth: float, h: float) -> Array:
     """Return the monic polynomial (count + 1,) with Butterworth poles [rad/s] sampled at ``h``."""
