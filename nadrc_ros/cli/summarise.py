@@ -20,7 +20,7 @@ def summarise(
     """
     with reporting(str(run)):
         from nadrc_ros.cli.table import print_figures_of_merit
-        from nadrc_ros.records.recording import summarise, SUMMARY
+        from nadrc_ros.records.recording import read_summary, summarise, SUMMARY
         from nadrc_ros.simulation.metrics import MetricValues
         from nadrc_ros.writing import write_json
 
@@ -30,19 +30,8 @@ def summarise(
         print_figures_of_merit(
             f'{run}, {content["rows"]} rows', {'': MetricValues(**content['metrics'])}
         )
-        if _is_complete(run / SUMMARY):
+        if read_summary(run).get('complete') is True:
             typer.echo(f"{run / SUMMARY} is the recorder's own and stays")
             return
         write_json(run / SUMMARY, content)
         typer.echo(f'summary {run / SUMMARY}')
-
-
-def _is_complete(path: Path) -> bool:
-    """Tell whether a summary was written at the end of its run, with what else was counted."""
-    import json
-
-    try:
-        content = json.loads(path.read_bytes())
-    except (FileNotFoundError, ValueError):
-        return False
-    return isinstance(content, dict) and content.get('complete') is True

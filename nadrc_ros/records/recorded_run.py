@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,9 @@ from nadrc_ros.records.recording import (
     NEEDED,
     read_samples,
     read_settings,
+    read_summary,
     RecordingError,
     SAMPLES,
-    SUMMARY,
 )
 import numpy as np
 import numpy.typing as npt
@@ -74,7 +73,7 @@ def read_run(
     if (path / SAMPLES).is_file():
         if topics or namespace:
             raise RecordingError(f'{SAMPLES} has columns; topics and namespaces are those of bags')
-        rate, columns, summary = read_settings(path).rate, _columns(path), _summary(path)
+        rate, columns, summary = read_settings(path).rate, _columns(path), read_summary(path)
     elif path.exists() and is_bag(path):
         columns = read_bag(path, topics, namespace)
         rate, summary = _rate(columns['time']), {}
@@ -96,14 +95,6 @@ def _columns(folder: Path) -> dict[str, Array]:
     if not (np.isfinite(columns['time']).all() and (np.diff(columns['time']) > 0.0).all()):
         raise RecordingError(f'{SAMPLES}: the times do not increase')
     return columns
-
-
-def _summary(folder: Path) -> dict[str, Any]:
-    try:
-        content = json.loads((folder / SUMMARY).read_bytes())
-    except (FileNotFoundError, ValueError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _rate(time: Array) -> float:

@@ -242,6 +242,15 @@ def summarise(folder: Path) -> dict[str, Any]:
     }
 
 
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Return the summary of a run, empty if there is none that can be read."""
+    try:
+        content = json.loads((folder / SUMMARY).read_bytes())
+    except (FileNotFoundError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
 def read_settings(folder: Path) -> RunSettings:
     """
     Return what ``run.json`` says.
