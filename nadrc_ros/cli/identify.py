@@ -1,7 +1,6 @@
 """`nadrc identify`: the plant behind a recorded run."""
 
 # ruff: noqa: UP045
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
@@ -114,10 +113,7 @@ def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str
         'configured_b0': b0,
         'bandwidth_allowed_by': advice.bandwidths,
         'inner_bandwidth': advice.settings.inner_bandwidth,
-        'margins': {
-            name: value if isfinite(value) else None
-            for name, value in advice.margins._asdict().items()
-        },
+        'margins': advice.margins.as_dict(),
     }
 
 

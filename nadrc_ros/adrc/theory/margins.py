@@ -11,7 +11,7 @@ G. Zito, Digital Control Systems, 2006, ch. 2.6 (modulus and delay margin).
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, pi
+from math import inf, isfinite, pi
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
@@ -38,6 +38,10 @@ class Margins(NamedTuple):
     delay: float
     modulus: float
     crossover: float
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the numbers by name, None for what is infinite, as JSON takes them."""
+        return {k: v if isfinite(v) else None for k, v in self._asdict().items()}
 
 
 UNSTABLE = Margins(1.0, 1.0, 0.0, 0.0, 0.0, 0.0)

@@ -138,8 +138,7 @@ def _controller(one: Tuned) -> dict[str, Any]:
         'why': one.choice.why,
         'predicted': one.predicted.as_dict(),
         'unseen': one.unseen,
-        # No finite gain or delay makes some loops unstable.
-        'margins': {k: v if np.isfinite(v) else None for k, v in one.margins._asdict().items()},
+        'margins': one.margins.as_dict(),
     }
 
 
