@@ -39,11 +39,6 @@ class Law:
         self.state, self._next = self._next, self.state
         return command
 
-    @property
-    def disturbance(self) -> float:
-        """Return the sum of the disturbance estimates."""
-        return sum(level[self.design.order] for level in self.state.levels)
-
 
 @attrs.frozen(kw_only=True, eq=False)
 class Run:

@@ -14,16 +14,6 @@ Result = dict[str, Any]
 Tell = Callable[[float], None]
 
 
-def no_figures(result: Result) -> dict[str, Figure]:
-    """Draw nothing."""
-    return {}
-
-
-def no_check(result: Result) -> list[str]:
-    """Declare no tolerance."""
-    return []
-
-
 @attrs.frozen(kw_only=True)
 class Section:
     """
@@ -52,6 +42,6 @@ class Section:
     name: str
     title: str
     measure: Callable[[Tell, int], Result]
-    figures: Callable[[Result], dict[str, Figure]] = no_figures
-    check: Callable[[Result], list[str]] = no_check
+    figures: Callable[[Result], dict[str, Figure]]
+    check: Callable[[Result], list[str]]
     quick: Callable[[Tell, int], Result] | None = None

@@ -16,7 +16,6 @@ from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.simulation.metrics import SETTLE_TIME
 import numpy as np
 
-FORMATS = ('png', 'svg', 'pdf')
 # Okabe and Ito's colours, safe for the colour-blind, in an order in which neighbours also differ
 # in lightness, so that a greyscale print stays readable.
 COLOURS = ('#E69F00', '#0072B2', '#CC79A7', '#004D40', '#56B4E9', '#D55E00')
@@ -113,7 +112,7 @@ def draw(traces: Mapping[str, Trace], title: str, marks: Sequence[Mark] = ()) ->
 
 
 def render(figure: Figure, file_format: str) -> bytes:
-    """Return the figure as the contents of a file of that format, one of ``FORMATS``."""
+    """Return the figure as the contents of a file of that format: png, svg, pdf."""
     buffer = BytesIO()
     with rc_context(STYLE):
         figure.savefig(buffer, format=file_format, dpi=150)

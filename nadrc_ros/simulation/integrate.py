@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import ceil, isfinite, isnan
+from operator import mul
 from typing import Any
 
 from nadrc_ros.simulation.plants.protocol import Plant, probe_state
@@ -184,10 +185,6 @@ def _spectral_radius(matrix: list[list[float]]) -> float:
         radius *= norm ** (1.0 / power)
         matrix = [[a / norm for a in row] for row in matrix]
         columns = list(zip(*matrix, strict=True))
-        matrix = [[sum(map(_times, row, columns[j])) for j in range(size)] for row in matrix]
+        matrix = [[sum(map(mul, row, columns[j])) for j in range(size)] for row in matrix]
         power *= 2
     return radius
-
-
-def _times(a: float, b: float) -> float:
-    return a * b

@@ -33,12 +33,6 @@ def pick(system: StateSpace, inputs: Sequence[int], outputs: Sequence[int]) -> S
     return system._replace(b=system.b[:, list(inputs)], c=system.c[list(outputs)], d=d)
 
 
-def combine(system: StateSpace, weights: ArrayLike) -> StateSpace:
-    """Return ``system`` with the outputs ``weights`` (outputs', outputs) times the old ones."""
-    rows = np.atleast_2d(np.asarray(weights, dtype=float))
-    return system._replace(c=rows @ system.c, d=rows @ system.d)
-
-
 def balanced(system: StateSpace) -> StateSpace:
     """Return the same system in coordinates of comparable size (powers of two: exact)."""
     _, (scale, _) = linalg.matrix_balance(system.a, permute=False, separate=True)
