@@ -6,6 +6,7 @@ from itertools import pairwise
 from math import inf, isnan
 from typing import Any
 
+import attrs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.controller import Controller
@@ -316,3 +317,37 @@ def test_the_truth_knows_what_the_actuator_does() -> None:
 def test_every_kind_was_met_above() -> None:
     assert set(BACK) | set(STRENGTH) == set(MEASUREMENT_KINDS)
     assert {kind for kind, _ in BACK_FROM_ACTUATOR} == set(COMMAND_KINDS)
+
+
+def test_a_fault_that_stays_as_it_was_goes_on_while_others_change() -> None:
+    silent = MeasurementFault(kind='silent', duration=2.0 / RATE)
+    stuck = MeasurementFault(kind='stuck')
+    injector = Injector(Faults(measurement=(silent, stuck)), RATE, 0)
+
+    def values(begin: int) -> list[list[float]]:
+        return [[s.value for s in injector.deliver(k, float(k))] for k in (begin, begin + 1)]
+
+    assert values(0) == [[], []]
+    assert values(2) == [[2.0], [2.0]]
+    gain = CommandFault(kind='gain', size=3.0)
+    injector.change(Faults(measurement=(silent, stuck), command=(gain,)), 4)
+    assert values(4) == [[2.0], [2.0]]
+    assert injector.act(4, 1.0) == 3.0
+    later = attrs.evolve(silent, start=1.0 / RATE)
+    injector.change(Faults(measurement=(later, stuck), command=(gain,)), 6)
+    assert values(6) == [[2.0], []]
+    injector.change(Faults(), 8)
+    assert values(8) == [[8.0], [9.0]]
+    assert injector.act(8, 1.0) == 1.0
+
+
+@pytest.mark.parametrize('kind', ('delayed', 'reordered', 'silent', 'not_a_number'))
+def test_while_time_stands_still_nothing_is_late(kind: str) -> None:
+    injector = Injector(
+        Faults(measurement=(MeasurementFault(kind=kind, time=3.0 / RATE),)), RATE, 0
+    )
+    still = [injector.deliver(0, 5.0, still=True) for _ in range(100)]
+    expected = {'silent': '[]', 'not_a_number': '[nan]'}.get(kind, '[5.0]')
+    assert {str([s.value for s in samples]) for samples in still} == {expected}
+    moving = [injector.deliver(k, 6.0) for k in range(1, 9)]
+    assert max(map(len, moving)) <= 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite, nan
+import time
 from typing import Any
 
 import attrs
@@ -35,6 +36,8 @@ MEASUREMENT_FAULT = 'fault.measurement.'
 COMMAND_FAULT = 'fault.command.'
 # After a longer stall of the process [s] only so much time has passed for the plant.
 LONGEST_STALL = 1.0
+# The same is not logged again within so long [s]: a controller may always be too slow.
+LOGGED = 5.0
 # The stamps of samples are the middleware's.
 INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
 
@@ -132,6 +135,7 @@ class PlantNode(LiveNode):
             self._output = Sender(self, '~/output')
             self._truth = Sender(self, '~/total_disturbance')
             receive(self, 'command', self._on_command)
+            self._keeps_up = True
             self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
         self.diagnostics = Diagnostics(self, self._report)
 
@@ -183,16 +187,30 @@ class PlantNode(LiveNode):
         self._age = 0.0 if self._commanded else self._age + elapsed
         self._commanded = False
         if self._started:
-            longest = round(LONGEST_STALL * self.pacing.rate)
-            self._advance(self._acting_command(), min(self.ticker.due, longest))
+            self._make_up(self._acting_command())
         self._send_sample()
+
+    def _make_up(self, command: float) -> None:
+        """
+        Let the periods that are due pass.
+
+        One only, if these take the processor longer than they last: they would be ever more.
+        """
+        longest = round(LONGEST_STALL * self.pacing.rate)
+        periods = min(self.ticker.due, longest) if self._keeps_up else 1
+        begin = time.thread_time()
+        self._advance(command, periods)
+        self._keeps_up = time.thread_time() - begin < periods * self.pacing.period
 
     def _acting_command(self) -> float:
         settings = self._group.value
         timed_out = 0.0 < settings.command_timeout < self._age
         if timed_out and not self._timed_out:
             self._timeouts += 1
-            self.get_logger().warning(f'no command for {self._age:.3g} s: using the safe command')
+            self.get_logger().warning(
+                f'no command for {self._age:.3g} s: using the safe command',
+                throttle_duration_sec=LOGGED,
+            )
         self._timed_out = timed_out
         return settings.safe_command if timed_out else self._command
 
@@ -225,7 +243,7 @@ class PlantNode(LiveNode):
             return nan
 
     def _send_sample(self) -> None:
-        for sample in self.process.samples(self.process.measurement):
+        for sample in self.process.samples(self.process.measurement, still=not self._started):
             self._measurement.send(sample.value)
         self._output.send(self.process.output)
 
@@ -241,6 +259,8 @@ class PlantNode(LiveNode):
             return ERROR, 'the plant diverged', values
         if self._timed_out:
             return WARN, 'no command: using the safe command', values
+        if self.lockstep is None and not self._keeps_up:
+            return WARN, 'slower than real time: this plant is too much for its rate here', values
         return OK, 'running' if self._started or self.lockstep else 'waiting for a command', values
 
     def close(self) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 NEVER = 2**62
 # A reordered sample comes when so many newer ones are there.
 OVERTAKEN = 2
-F = TypeVar('F', bound='Fault')
+F = TypeVar('F', 'MeasurementFault', 'CommandFault')
 
 
 class Sample(NamedTuple):
@@ -137,6 +137,7 @@ MEASUREMENT_KINDS: dict[str, Deliver] = {
     'reordered': _kept_back(lambda acting: OVERTAKEN),
     'clock_jump': _jumped,
 }
+LATE = ('delayed', 'reordered')
 # With these each period has its one sample.
 ONE_EACH = (
     'none',
@@ -164,7 +165,9 @@ class Fault:
     size: float = number(
         1.0, -1e12, 1e12, '', 'how much, in the unit that its kind asks for', nonzero=True
     )
-    start: float = number(0.0, 0.0, 1e9, 's', 'when it begins')
+    start: float = number(
+        0.0, 0.0, 1e9, 's', 'when it begins, from the start of the run or its last change on'
+    )
     duration: float = number(0.0, 0.0, 1e9, 's', 'how long it acts; 0 = to the end')
 
 
@@ -173,17 +176,23 @@ class MeasurementFault(Fault):
     """
     What happens to measurements.
 
-    ``silent``: none arrives; ``intermittent``: some are lost; ``stuck``: the first is repeated;
-    ``garbage``: a random number within +-size; ``bias``: size is added; ``slow``: a first-order
-    lag of ``time``; ``not_a_number``; ``infinite``; ``spike``: +-size is added;
+    ``silent``: none arrives; ``intermittent``: those that are hit are lost; ``stuck``: the first
+    is repeated; ``garbage``: a random number within +-size; ``bias``: size is added; ``slow``: a
+    first-order lag of ``time``; ``not_a_number``; ``infinite``; ``spike``: +-size is added;
     ``quantised`` in steps of size; ``delayed`` by ``time``; ``duplicated``: comes twice;
-    ``reordered``: comes two periods late, after newer ones; ``clock_jump``: the clock that stamps
-    them is ``time`` ahead.
+    ``reordered``: those that are hit come two periods late, after newer ones; ``clock_jump``: the
+    clock that stamps them is ``time`` ahead.
     """
 
     kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'what happens to measurements')
     time: float = number(0.1, 1e-6, 60.0, 's', 'delay, lag, or jump of the clock')
-    probability: float = number(1.0, 0.0, 1.0, '', 'share of the samples that are hit')
+    probability: float = number(
+        1.0,
+        0.0,
+        1.0,
+        '',
+        'share of the samples that are hit; below 1 for intermittent and reordered, or all are',
+    )
 
 
 @attrs.frozen(kw_only=True)
@@ -216,37 +225,48 @@ class Faults:
 
 
 class Injector:
-    """
-    The faults of one run of ``rate`` periods per second; the same seed gives the same bits.
+    """The faults of one run of ``rate`` periods per second; the same seed gives the same bits."""
 
-    Their times count from period ``origin``.
-    """
+    def __init__(self, faults: Faults, rate: float, seed: int) -> None:
+        self._rate = rate
+        self._seed = seed
+        self._measurement: dict[int, Acting[MeasurementFault]] = {}
+        self._command: dict[int, Acting[CommandFault]] = {}
+        self.change(faults, 0)
 
-    def __init__(self, faults: Faults, rate: float, seed: int, origin: int = 0) -> None:
-        self._measurement = [
-            Acting(fault, rate, origin, (seed, i))
-            for i, fault in enumerate(faults.measurement)
-            if fault.kind != 'none'
-        ]
-        self._command = [
-            Acting(fault, rate, origin, (seed, 0))
-            for fault in faults.command
-            if fault.kind != 'none'
-        ]
-        self._windows = [(each.begin, each.end) for each in self._measurement]
-        self._windows += [(each.begin, each.end) for each in self._command]
+    def change(self, faults: Faults, k: int) -> None:
+        """Go on with these from period ``k`` on; those that stay as they were go on as they do."""
+        self._measurement = self._changed(self._measurement, faults.measurement, k)
+        self._command = self._changed(self._command, faults.command, k)
+        all_of = [*self._measurement.values(), *self._command.values()]
+        self._windows = [(each.begin, each.end) for each in all_of]
 
-    def deliver(self, k: int, value: float) -> list[Sample]:
-        """Return the samples that arrive in period ``k``, in which ``value`` is measured."""
+    def _changed(
+        self, before: dict[int, Acting[F]], faults: tuple[F, ...], k: int
+    ) -> dict[int, Acting[F]]:
+        after = {}
+        for i, fault in enumerate(faults):
+            if i in before and before[i].fault == fault:
+                after[i] = before[i]
+            elif fault.kind != 'none':
+                after[i] = Acting(fault, self._rate, k, (self._seed, i))
+        return after
+
+    def deliver(self, k: int, value: float, *, still: bool = False) -> list[Sample]:
+        """
+        Return the samples that arrive in period ``k``, in which ``value`` is measured.
+
+        While time stands ``still`` none is late: it would never come.
+        """
         samples = [Sample(value, float(k), k)]
-        for acting in self._measurement:
-            if acting.acts(k):
+        for acting in self._measurement.values():
+            if acting.acts(k) and not (still and acting.fault.kind in LATE):
                 samples = _pass_on(acting, samples)
         return samples
 
     def act(self, k: int, command: float) -> float:
         """Return what the actuator does in period ``k``; to be called once in each."""
-        for acting in self._command:
+        for acting in self._command.values():
             if acting.acts(k):
                 command = COMMAND_KINDS[acting.fault.kind](acting, command)
         return command

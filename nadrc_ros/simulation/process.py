@@ -37,8 +37,7 @@ class Process:
     ) -> None:
         self.rate = rate
         self.k = 0
-        self._seed = noise.seed
-        self.inject(faults)
+        self.faults = Injector(faults, rate, noise.seed)
         self.state = list(initial_state)
         self.noise = NoiseSource(noise, 1.0 / rate)
         self._next = list(initial_state)
@@ -54,8 +53,8 @@ class Process:
         self._integrator = Integrator(plant, disturbance, self.substeps)
 
     def inject(self, faults: Faults) -> None:
-        """Go on with other faults, whose times count from now on."""
-        self.faults = Injector(faults, self.rate, self._seed, self.k)
+        """Go on with other faults; the times of those that change count from now on."""
+        self.faults.change(faults, self.k)
 
     @property
     def output(self) -> float:
@@ -80,9 +79,13 @@ class Process:
         )
         return unexplained if acting == command else unexplained + b0 * (acting - command)
 
-    def samples(self, measurement: float) -> list[Sample]:
-        """Return what arrives of the measurement of period k: one sample, but for faults."""
-        return self.faults.deliver(self.k, measurement)
+    def samples(self, measurement: float, *, still: bool = False) -> list[Sample]:
+        """
+        Return what arrives of the measurement of period k: one sample, but for faults.
+
+        ``still`` says that it was asked for before, as no time passes yet.
+        """
+        return self.faults.deliver(self.k, measurement, still=still)
 
     def act(self, command: float) -> float:
         """Return what the actuator makes of the command; to be called once in each period."""

@@ -1,0 +1,71 @@
+"""The plant node before its first command, and with a plant that is too much for its rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import signal
+from typing import Any
+
+from nadrc_ros.nodes.diagnostics import WARN
+from nadrc_ros.nodes.plant import PlantNode
+from probe import Probe, Processes
+import pytest
+
+Make = Callable[..., Probe]
+PLANT: dict[str, Any] = {'rate': 100.0, 'plant': 'chain', 'order': 1, 'damping': 0.0}
+SLOW = """
+from time import thread_time
+
+class Slow:
+    order = states = b0 = 1
+
+    def derivative(self, t, x, u, w, dx):
+        end = thread_time() + 0.004
+        while thread_time() < end:
+            pass
+        dx[0] = u
+
+    def output(self, x):
+        return x[0]
+"""
+
+
+def test_a_delay_does_not_keep_the_first_command_from_coming(make_probe: Make) -> None:
+    late = {'fault.measurement.kind': 'delayed', 'fault.measurement.time': 0.2}
+    probe = make_probe(parameters={'plant': PLANT | late | {'initial_state': [2.0]}})
+    plant = probe.add(PlantNode())
+    measurements, command = probe.listen('measurement'), probe.publisher('command')
+    probe.wait_until(lambda: len(measurements) > 30 and probe.readers('command'))
+    assert set(measurements) == {2.0}
+
+    def moves() -> bool:
+        command(1.0)
+        return bool(measurements[-1] > 2.1)
+
+    probe.wait_until(moves)
+    assert plant.process.output > measurements[-1] + 0.1
+
+
+def test_p17_a_plant_that_is_too_slow_is_told_and_runs_period_by_period(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    file = tmp_path / 'slow.py'
+    file.write_text(SLOW)
+    slow: dict[str, Any] = {'rate': 100.0, 'start': 'at_once', 'command_timeout': 0.0}
+    plant = start('plant', **slow, plant=str(file))
+    probe.wait_until(lambda: any(level == WARN for level, _, _ in probe.said('plant')))
+    assert probe.said('plant')[-1][1].startswith('slower than real time: ')
+
+    def counted() -> tuple[float, int]:
+        values = probe.said('plant')[-1][2]
+        return float(values['time']), int(values['periods'])
+
+    begin, n = counted(), len(probe.said('plant'))
+    assert probe.set('plant', safe_command=1.0) == ['']
+    probe.wait_until(lambda: len(probe.said('plant')) > n + 2)
+    end = counted()
+    assert 100.0 * (end[0] - begin[0]) == pytest.approx(end[1] - begin[1])
+    assert int(probe.said('plant')[-1][2]['missed_periods']) > 5
+    plant.signal(signal.SIGINT)
+    assert probe.end_of(plant) == 0
