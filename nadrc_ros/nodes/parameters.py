@@ -168,6 +168,8 @@ def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> No
     """
     Refuse a parameter file that is for nodes of this name, but for none of this process.
 
+    Of several axes none may be left out where others are meant.
+
     ROS passes over what is for other nodes, so that a controller in another namespace than its
     file says would run with the default limits. What the file has for ``/**`` does not count: it
     may be the clock alone.
@@ -189,16 +191,25 @@ def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> No
         here = [f'{axis_namespace(axis, arguments)}/{name}' for axis in axes_asked(arguments)]
         if full != here[0]:  # the first axis has looked for all
             return
+    found: list[str] = []
     for file in files:
         with open(file, encoding='utf-8') as stream:
             keys = [
                 key for key in _node_keys(yaml.safe_load(stream)) if key.rpartition('/')[2] == name
             ]
         if keys and not any(_means(key, each) for key in keys for each in here):
-            raise UserError(
-                f'{file}: parameters of {", ".join(keys)} and none of {full}; '
-                f'for any namespace name them /**/{name}'
-            )
+            raise _unheard(file, keys, full)
+        found += keys
+    for each in here:
+        if found and not any(_means(key, each) for key in found):
+            raise _unheard(', '.join(files), found, each)
+
+
+def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
+    return UserError(
+        f'{files}: parameters of {", ".join(keys)} and none of {full}; '
+        f'for any namespace name them /**/{full.rpartition("/")[2]}'
+    )
 
 
 def _node_keys(tree: Any, namespace: str = '') -> Iterator[str]:

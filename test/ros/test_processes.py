@@ -194,6 +194,22 @@ def test_p13_each_of_several_files_is_looked_at(start: Processes, tmp_path: Path
     assert f'cannot start: {own}: parameters of /controller and none of ' in process.said
 
 
+def test_p13_each_axis_is_meant_by_a_file_if_any_is(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    keys = [f'{start.namespace}/{axis}/controller' for axis in ('x', 'y', 'yy')]
+    x, y = (parameter_file(tmp_path / f'{i}.yaml', {keys[i]: {'rate': 100.0}}) for i in range(2))
+    axes = '--', '--axes', 'x', 'y'
+    process = start('controller', '--params-file', str(y), *axes, file=x)
+    probe.wait_until(lambda: probe.said('x/controller') and probe.said('y/controller'))
+    process.signal(signal.SIGINT)
+    assert probe.end_of(process) == 0
+    both = parameter_file(tmp_path / 'both.yaml', {keys[0]: {}, keys[2]: {'command_max': 1.0}})
+    process = start('controller', *axes, file=both)
+    assert process.end() == 1
+    assert f'{both}: parameters of {keys[0]}, {keys[2]} and none of {keys[1]}; ' in process.said
+
+
 def test_a_plant_of_ones_own_that_leaves_its_domain_is_told_and_goes_on(
     make_probe: Callable[..., Probe], tmp_path: Path
 ) -> None:
