@@ -4,7 +4,7 @@
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
+from nadrc_ros.cli.failure import reporting
 from nadrc_ros.cli.pictures import check_format
 import typer
 
@@ -49,8 +49,9 @@ def report(
         try:
             from nadrc_ros.report.page import page
         except ImportError as error:
-            complain(f'{error}: pip install plotly, or use --static')
-            raise typer.Exit(USER_ERROR) from None
+            from nadrc_ros.adrc.errors import UserError
+
+            raise UserError(f'{error}: pip install plotly, or use --static') from None
         from nadrc_ros.writing import write_whole
 
         path = out or _beside(runs)

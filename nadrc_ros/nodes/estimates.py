@@ -7,8 +7,9 @@ from math import isfinite
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.nodes.topics import Sender
+from nadrc_ros.records.recording import ESTIMATES
 
-TOPICS = ('~/tracking', '~/output_estimate', '~/total_disturbance')
+TOPICS = tuple(f'~/{topic}' for topic in ESTIMATES.values())
 
 
 class Estimates:

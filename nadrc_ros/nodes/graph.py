@@ -19,7 +19,7 @@ from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.nodes.runtime import LOCKED_UP
 from nadrc_ros.nodes.topics import reference_topics
-from nadrc_ros.records.recording import ESTIMATES
+from nadrc_ros.records.recording import topic_of
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.errors import ScenarioError
@@ -105,19 +105,15 @@ def expected_readers(
     """Return for each topic of a loop its writer and the nodes that read it."""
     paced = 'measurement' if lockstep else 'command'
     topics = {
-        'reference': ('reference', ['controller', 'recorder']),
-        'measurement': ('plant', ['controller', 'recorder']),
-        'command': ('controller', ['plant', 'recorder']),
-        'plant/output': ('plant', ['recorder']),
-        'plant/total_disturbance': ('plant', ['recorder']),
+        'reference': ('reference', ['controller']),
+        'measurement': ('plant', ['controller']),
+        'command': ('controller', ['plant']),
     }
     topics[paced][1].append('reference')
     for topic in reference_topics(settings)[1:]:
         topics[topic] = ('reference', ['controller'])
-    for topic in ESTIMATES.values():
-        topics[f'controller/{topic}'] = ('controller', ['recorder'])
-    for k in range(make_design(settings).levels):
-        topics[f'controller/level_{k + 1}/disturbance'] = ('controller', ['recorder'])
+    for topic in map(topic_of, recorded(settings)):
+        topics.setdefault(topic, (topic.partition('/')[0], []))[1].append('recorder')
     return topics
 
 

@@ -8,9 +8,15 @@ import time
 
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.runtime import LiveNode
-from nadrc_ros.nodes.topics import Info, LOCKSTEP_RECEIVE, LOCKSTEP_SEND, receive, Sender
+from nadrc_ros.nodes.topics import (
+    Info,
+    LOCKSTEP_RECEIVE,
+    LOCKSTEP_SEND,
+    missing_readers,
+    receive,
+    Sender,
+)
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 
 # rclpy has RCLError only in its extension module; every error of a publisher is a RuntimeError.
 PublishError = RuntimeError
@@ -109,8 +115,7 @@ class Lockstep:
         wait = self._pacing.lockstep_timeout if self.complete else BROKEN_OFF_WAIT
         end = time.monotonic() + wait
         for sender in self._senders:
-            left = max(0.0, end - time.monotonic())
-            sender.publisher.wait_for_all_acked(Duration(seconds=left))
+            sender.await_delivery(max(0.0, end - time.monotonic()))
 
     def _take(self, index: int, value: float, info: Info) -> None:
         number = info['publication_sequence_number']
@@ -143,7 +148,14 @@ class Lockstep:
                     f'{self._pacing.lockstep_timeout:g} s'
                 )
             return
-        missing = self._missing_readers()
+        missing = missing_readers(
+            self._node,
+            self._node.get_namespace(),
+            {
+                self._node.resolve_topic_name(topic): names
+                for topic, names in self._pacing.expected_readers().items()
+            },
+        )
         if not missing:
             self._started = True
             self._last = now
@@ -154,15 +166,3 @@ class Lockstep:
                 'no start: '
                 + '; '.join(f'{topic} has no reader {name}' for topic, name in missing)
             )
-
-    def _missing_readers(self) -> list[tuple[str, str]]:
-        missing = []
-        for topic, names in self._pacing.expected_readers().items():
-            full = self._node.resolve_topic_name(topic)
-            there = {
-                info.node_name
-                for info in self._node.get_subscriptions_info_by_topic(full)
-                if info.node_namespace == self._node.get_namespace()
-            }
-            missing += [(full, name) for name in names if name not in there]
-        return missing

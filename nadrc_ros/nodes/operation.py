@@ -8,27 +8,28 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.nodes.graph import expected_readers, Loop
+from nadrc_ros.nodes.parameter_watch import ASK_AGAIN
 from nadrc_ros.nodes.runtime import make_executor, spin_for
-from nadrc_ros.nodes.topics import receive
+from nadrc_ros.nodes.topics import missing_readers, receive
 from nadrc_ros.records.recording import SUMMARY
 from nadrc_ros.simulation.experiment import Retune
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 READY_TIME = 30.0
 ANSWER_TIME = 5.0
-ASK_AGAIN = 2.0
 SETTLE_TIME = 0.5
 
 # Called with the time since the start [s] and the ITAE of each loop so far.
 Progress = Callable[[float, dict[str, float]], None]
 
 
-class GraphError(RuntimeError):
+class GraphError(UserError):
     """A node failed, or did not answer in time; the message is for the user."""
 
 
@@ -51,7 +52,7 @@ class Operator:
         }
         self._set = {
             loop.name: self._node.create_client(
-                SetParameters, f'/{loop.name}/controller/set_parameters'
+                SetParametersAtomically, f'/{loop.name}/controller/set_parameters_atomically'
             )
             for loop in loops
         }
@@ -115,12 +116,12 @@ class Operator:
 
     def _missing(self) -> str:
         for loop in self.loops:
-            for topic, (_, names) in expected_readers(loop.settings, lockstep=False).items():
-                full = f'/{loop.name}/{topic}'
-                there = {i.node_name for i in self._node.get_subscriptions_info_by_topic(full)}
-                for name in names:
-                    if name not in there:
-                        return f'reader {name} of {full}'
+            expected = {
+                f'/{loop.name}/{topic}': names
+                for topic, (_, names) in expected_readers(loop.settings, lockstep=False).items()
+            }
+            for topic, name in missing_readers(self._node, f'/{loop.name}', expected):
+                return f'reader {name} of {topic}'
             heard = self.diagnostics.get(f'/{loop.name}/controller', {})
             for signal in ('measurement', 'reference'):
                 if not isfinite(float(heard.get(f'{signal}_age', 'inf'))):
@@ -140,12 +141,11 @@ class Operator:
             ).to_parameter_msg()
             for key, value in retune.settings.items()
         ]
-        for name, response in self._call(
-            self._set, SetParameters.Request(parameters=parameters)
-        ).items():
-            for result in response.results:
-                if not result.successful:
-                    raise GraphError(f'/{name}/controller refused the retune: {result.reason}')
+        request = SetParametersAtomically.Request(parameters=parameters)
+        for name, response in self._call(self._set, request).items():
+            if not response.result.successful:
+                reason = response.result.reason
+                raise GraphError(f'/{name}/controller refused the retune: {reason}')
 
     def _call(self, clients: dict[str, Any], request: Any) -> dict[str, Any]:
         """

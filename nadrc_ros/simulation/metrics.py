@@ -14,7 +14,6 @@ from __future__ import annotations
 from math import isfinite, sqrt
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 ITAE = 0
@@ -97,7 +96,6 @@ def accumulate(
     error: float,
     command: float,
     saturated: bool,
-    settle_time: float,
 ) -> None:
     """
     Add the sample of the period [t, t + h] to the sums in ``acc``, which starts as zeros.
@@ -112,8 +110,6 @@ def accumulate(
         e at ``t``, and u over the period.
     saturated
         Whether the command was at one of its limits.
-    settle_time
-        Time from which the error counts for the peak error [s].
 
     """
     size = abs(error)
@@ -144,7 +140,7 @@ def accumulate(
         acc[SATURATED] = acc[SATURATED] + h
     if size > acc[MAX_ERROR]:
         acc[MAX_ERROR] = size
-    if t >= settle_time and size > acc[PEAK_ERROR]:
+    if t >= SETTLE_TIME and size > acc[PEAK_ERROR]:
         acc[PEAK_ERROR] = size
 
 
@@ -170,27 +166,16 @@ def metric_values(acc: Vector) -> MetricValues:
 
 
 class Metrics:
-    """
-    The streaming accumulator that the simulation and the recorder share.
+    """The streaming accumulator that the simulation and the recorder share."""
 
-    Parameters
-    ----------
-    settle_time
-        Time from which the error counts for ``peak_error`` [s].
-
-    """
-
-    def __init__(self, settle_time: float = SETTLE_TIME) -> None:
-        if not (isfinite(settle_time) and settle_time >= 0.0):
-            raise SettingError('settle_time', settle_time, 'a finite number of seconds, 0 or more')
-        self.settle_time = settle_time
+    def __init__(self) -> None:
         self._acc = [0.0] * SIZE
 
     def add(
         self, t: float, h: float, error: float, command: float, saturated: bool = False
     ) -> None:
         """Add the sample of the period [t, t + h] [s]."""
-        accumulate(self._acc, t, h, error, command, saturated, self.settle_time)
+        accumulate(self._acc, t, h, error, command, saturated)
 
     def values(self) -> MetricValues:
         """Return the figures of merit so far."""
