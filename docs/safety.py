@@ -113,8 +113,8 @@ def picture() -> str:
                 before = Watch(mode, cause, y_age, r_age, age, DESIGN.good_samples)
                 plain = before._replace(fault_age=0.0)
                 arguments = enabled, measured, referenced
-                after = supervise(DESIGN, before, *arguments, at_safe, 0.01, 0.01).mode
-                same = supervise(DESIGN, plain, *arguments, False, 0.01, 0.01).mode
+                after = supervise(DESIGN, before, *arguments, at_safe, 0.01, 0.01, 0.0).mode
+                same = supervise(DESIGN, plain, *arguments, False, 0.01, 0.01, 0.0).mode
                 if after != mode and (label == _name(present) or after != same):
                     edges[mode, Mode(after)].add(label)
     return draw([mode.name for mode in Mode], {tuple(edge): edges[edge] for edge in edges})

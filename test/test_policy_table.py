@@ -47,7 +47,7 @@ def after(mode: Mode, cause: Cause, present: Cause, **more: float) -> Watch:
     more.setdefault('lost', cause in (REFERENCE, MEASUREMENT))
     before = Watch(mode, cause, measurement_age, reference_age, **more)  # type: ignore[arg-type]
     referenced = present != REFERENCE
-    return supervise(DESIGN, before, enabled, measured, referenced, False, H, H)
+    return supervise(DESIGN, before, enabled, measured, referenced, False, H, H, 0.0)
 
 
 @pytest.mark.parametrize('present', Cause)
@@ -73,22 +73,28 @@ def test_p19_a_fault_ends_after_its_good_samples(mode: Mode, cause: Cause) -> No
 def test_p19_what_was_lost_is_not_forgotten_while_disabled(lost: bool) -> None:
     watch = after(HOLDING if lost else OK, MEASUREMENT if lost else NONE, DISABLED)
     assert (watch.cause, watch.lost) == (DISABLED, lost)
-    back = supervise(DESIGN, watch, True, True, True, False, H, H)
+    back = supervise(DESIGN, watch, True, True, True, False, H, H, 0.0)
     assert (back.mode == OK) == (not lost)
 
 
 def test_a_restart_of_the_observers_alone_never_ramps() -> None:
     before = Watch(HOLDING, NONE, 0.0, 0.0, fault_age=1.0)
-    assert supervise(DESIGN, before, True, False, True, False, 0.0, H).mode == HOLDING
+    assert supervise(DESIGN, before, True, False, True, False, 0.0, H, 0.0).mode == HOLDING
 
 
 def test_p19_a_bad_sample_in_between_starts_the_count_again() -> None:
     enabled, _, measurement_age, reference_age = PRESENT[NONE]
     before = Watch(RAMPING, MEASUREMENT, measurement_age, reference_age, good=2, lost=True)
-    bad = supervise(DESIGN, before, enabled, False, True, False, H, H)
+    bad = supervise(DESIGN, before, enabled, False, True, False, H, H, 0.0)
     assert bad.good == 0
-    none_came = supervise(DESIGN, before, enabled, False, True, False, 0.0, H)
+    none_came = supervise(DESIGN, before, enabled, False, True, False, 0.0, H, 0.0)
     assert none_came.good == 2
+
+
+def test_p19_a_fault_does_not_end_without_a_sample_whatever_was_good() -> None:
+    before = Watch(HOLDING, MEASUREMENT, 0.0, 0.0, good=8, lost=True)
+    assert supervise(DESIGN, before, True, False, True, False, 0.0, H, 0.0).mode == HOLDING
+    assert supervise(DESIGN, before, True, True, True, False, H, H, 0.0).mode == OK
 
 
 @pytest.mark.parametrize('cause', (REFERENCE, MEASUREMENT))
@@ -96,10 +102,10 @@ def test_p07_holding_ends_with_the_hold_time_and_ramping_at_safe(cause: Cause) -
     enabled, measured, measurement_age, reference_age = PRESENT[cause]
     for held, mode in ((0.03, HOLDING), (0.06, RAMPING)):
         before = Watch(HOLDING, cause, measurement_age, reference_age, fault_age=held - H)
-        assert supervise(DESIGN, before, enabled, measured, False, False, H, H).mode == mode
+        assert supervise(DESIGN, before, enabled, measured, False, False, H, H, 0.0).mode == mode
     for at_safe, mode in ((False, RAMPING), (True, SAFE)):
         before = Watch(RAMPING, cause, measurement_age, reference_age)
-        assert supervise(DESIGN, before, enabled, measured, False, at_safe, H, H).mode == mode
+        assert supervise(DESIGN, before, enabled, measured, False, at_safe, H, H, 0.0).mode == mode
 
 
 def test_a_controller_begins_where_the_table_says() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import copysign, isfinite
+from math import copysign, isfinite, nan
 import random
 from typing import Any
 
@@ -14,6 +14,7 @@ from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.law import limit, raw_command
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.adrc.supervisor import Cause, Mode
 import pytest
 
 H = 0.01
@@ -326,6 +327,35 @@ def test_p12_a_change_in_a_fault_waits_for_no_sample() -> None:
     assert controller.settings.structure == 'cascade'
     controller.tick(0.1, H)
     assert abs(controller.command - before) < 20.0
+
+
+@pytest.mark.parametrize(
+    'values',
+    ({}, {'tracking_acceleration': 5.0}, {'tracking_acceleration': 5.0, 'error_based': True}),
+)
+def test_p12_fewer_good_samples_end_no_fault_before_the_next_sample(values: Any) -> None:
+    settings = ControllerSettings(good_samples=20, measurement_timeout=0.1, **values)
+    controller = Controller(settings)
+    chain = Chain(2)
+
+    def run(ticks: int) -> None:
+        for _ in range(ticks):
+            chain.advance(controller.tick(chain.y, H), H)
+
+    run(50)  # there is no reference: the first measurement is held
+    for _ in range(20):
+        controller.tick(nan, 0.0, elapsed=H)
+    run(8)
+    assert controller.cause == Cause.MEASUREMENT_TIMEOUT
+    controller.retune(attrs.evolve(settings, good_samples=3))
+    for _ in range(3):
+        controller.tick(nan, 0.0, elapsed=H)
+        assert controller.mode != Mode.OK
+    run(1)
+    assert controller.mode == Mode.OK
+    assert all(map(isfinite, [*controller.reference, *controller.state.profile]))
+    run(10)
+    assert controller.mode == Mode.OK and controller.counts[Status.RESTARTED] == 0
 
 
 def test_p13_another_sign_of_b0_is_refused_until_the_loop_is_open() -> None:

@@ -85,6 +85,22 @@ def test_p07_silence_leads_to_hold_then_ramp_then_safe(silent: bool) -> None:
     assert bench.largest_change() <= 0.4 * (1 + 1e-9)
 
 
+def test_p07_silence_counts_from_when_the_sample_was_there() -> None:
+    bench = Bench()
+    bench.run(100)
+    controller = bench.controller
+    for age, bridged in ((0.0, 10), (0.065, 3), (5.0, 0)):  # of at most 0.1 s
+        controller.tick(bench.chain.y, H, elapsed=H, reference=[1.0], age=age)
+        assert controller.mode == Mode.OK  # what came is used, however late
+        assert controller.watch.measurement_age == age
+        bench.silent(bridged)
+        assert bench.mode() == Mode.OK
+        bench.silent(2)
+        assert (bench.mode(), bench.cause()) == (Mode.HOLDING, Cause.MEASUREMENT_TIMEOUT)
+        bench.run(4)
+        assert bench.mode() == Mode.OK
+
+
 @pytest.mark.parametrize('stage', (11, 18, 22, 80))
 def test_p05_p07_after_silence_the_loop_resumes_from_where_it_is(stage: int) -> None:
     bench = Bench()
@@ -340,6 +356,18 @@ def test_p05_p14_disabling_ramps_to_safe_and_goes_quiet() -> None:
     held.run(300)
     held.controller.enabled = False
     assert held.run(1) == [-2.0]
+
+
+def test_a_sample_that_only_restarts_the_observers_says_so() -> None:
+    bench = Bench(max_dt=0.05, measurement_timeout=0.0)
+    bench.run(10)
+    assert not bench.controller.restarted
+    bench.silent(9)
+    bench.run(1)
+    bench.silent(3)
+    assert bench.controller.restarted and bench.mode() == Mode.OK
+    bench.run(1)
+    assert not bench.controller.restarted
 
 
 def test_p05_a_gap_does_not_save_up_rate() -> None:

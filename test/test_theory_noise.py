@@ -50,7 +50,7 @@ def compiled() -> Any:
         commands = np.zeros(len(noise))
         for k in range(len(noise)):
             y = x[0] + noise[k]
-            u, _, watch = tick(design, state, watch, True, reference, True, y, u, h, h, out)
+            u, _, watch = tick(design, state, watch, True, reference, True, y, u, h, h, 0.0, out)
             state, out = out, state
             x = a @ x + b * u
             commands[k] = u

@@ -12,6 +12,7 @@ from nadrc_ros.adrc.law import (
     approach,
     blank_state,
     clamp,
+    copy_vector,
     disturbance_estimate,
     limit,
     meet,
@@ -50,6 +51,7 @@ def tick(
     applied: float,
     dt: float,
     elapsed: float,
+    age: float,
     out: State,
 ) -> tuple[float, int, Watch]:
     """
@@ -57,7 +59,8 @@ def tick(
 
     ``measurement`` is nan when none came. ``reference`` (n+1,) is the last one received; before
     the first it is written here: the first valid measurement, held. ``dt`` is the time this tick's
-    sample spans, ``elapsed`` the time since the last tick [s], over which the rate limit counts.
+    sample spans, ``elapsed`` the time since the last tick [s], over which the rate limit counts,
+    ``age`` the time since the sample was there [s], from which its silence counts.
     On entering OK the first command equals ``applied``; the law goes on from there. Derivatives of
     a reference older than ``max_dt`` count as 0. At a start ``state`` is written to as well.
     """
@@ -80,14 +83,12 @@ def tick(
     before = watch
     at_safe = applied == design.safe_command
     measured = status < NO_MEASUREMENT
-    watch = supervise(design, watch, enabled, measured, referenced, at_safe, dt, elapsed)
+    watch = supervise(design, watch, enabled, measured, referenced, at_safe, dt, elapsed, age)
     profiled = design.tracking_acceleration > 0.0
     stale = design.max_dt < watch.reference_age < inf or watch.cause == REFERENCE_TIMEOUT
     if stale and _moves(reference):
         _hold(reference, reference[0])
-        if not profiled and not design.error_based:  # those use no received derivative
-            approach(design, reference[0], out)
-            meet(design, out, command)
+        _rejoin(design, reference, out, command)
     if watch.mode == MODE_OK:
         if before.mode != MODE_OK:
             if watch.reference_age == inf:
@@ -108,6 +109,13 @@ def _hold(reference: Vector, value: float) -> None:
     reference[0] = value
     for i in range(1, len(reference)):
         reference[i] = 0.0
+
+
+def _rejoin(design: Design, reference: Vector, state: State, command: float) -> None:
+    """Let the profile be the reference as it is by now, without a bump."""
+    if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
+        copy_vector(reference, state.profile)
+        meet(design, state, command)
 
 
 def _moves(reference: Vector) -> bool:
@@ -152,6 +160,7 @@ class Controller:
         dt: float = 0.0,
         *,
         elapsed: float | None = None,
+        age: float = 0.0,
         reference: Sequence[float | None] | None = None,
         applied: float | None = None,
     ) -> float:
@@ -167,6 +176,8 @@ class Controller:
         elapsed
             Time since the last tick [s], by default ``dt``. Without a sample it must be given: the
             timeouts count it.
+        age
+            How long ago the measurement came [s]: ``measurement_timeout`` counts from then.
         reference
             r and its derivatives, or None when no new one came. A derivative that is left out is
             0. One that is None or no number is the last one for at most ``max_dt``, and then 0
@@ -200,6 +211,7 @@ class Controller:
             applied,
             dt,
             elapsed,
+            age if age > 0.0 else 0.0,
             self._next,
         )
         self.state, self._next = self._next, self.state
@@ -257,6 +269,11 @@ class Controller:
         return Cause(self.watch.cause)
 
     @property
+    def restarted(self) -> bool:
+        """Tell whether the last sample in control only restarted the observers."""
+        return self.watch.mode == MODE_OK and self.state.age[0] == 0.0
+
+    @property
     def quiet(self) -> bool:
         """Tell whether it is disabled and at rest, with nothing to send."""
         return not self.enabled and self.watch.mode == SAFE
@@ -302,10 +319,8 @@ class Controller:
         for i in range(1, len(reference)):
             if reference[i] != 0.0 and self._ages[i] > self.design.max_dt:
                 reference[i], dropped = 0.0, True
-        profiled = self.design.tracking_acceleration > 0.0
-        if dropped and not profiled and not self.design.error_based:
-            self.state.profile[:] = self.reference
-            meet(self.design, self.state, self.command)
+        if dropped:
+            _rejoin(self.design, reference, self.state, self.command)
 
     def _swap(
         self,

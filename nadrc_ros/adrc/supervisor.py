@@ -77,22 +77,23 @@ def supervise(
     at_safe: bool,
     dt: float,
     elapsed: float,
+    age: float,
 ) -> Watch:
     """
     Advance the policy by one tick.
 
     ``measured`` and ``referenced`` say whether a valid sample was used or received, ``at_safe``
-    whether the last command was ``safe_command``; ``dt`` is the time this tick's sample spans and
-    ``elapsed`` the time since the last tick [s].
+    whether the last command was ``safe_command``; ``dt`` is the time this tick's sample spans,
+    ``elapsed`` the time since the last tick and ``age`` that since the sample was there [s].
     """
-    measurement_age = 0.0 if measured else watch.measurement_age + elapsed
+    measurement_age = age if measured else watch.measurement_age + elapsed
     reference_age = 0.0 if referenced else watch.reference_age + elapsed
     cause = NONE
     if not enabled:
         cause = DISABLED
     elif measurement_age == inf:
         cause = START
-    elif 0.0 < design.measurement_timeout < measurement_age:
+    elif not measured and 0.0 < design.measurement_timeout < measurement_age:
         cause = MEASUREMENT_TIMEOUT
     elif 0.0 < design.reference_timeout < reference_age < inf:
         cause = REFERENCE_TIMEOUT
@@ -110,7 +111,7 @@ def supervise(
             good = watch.good + 1
         elif dt <= 0.0:  # no sample came, which is not a bad one
             good = watch.good
-        if good >= (design.good_samples if watch.lost else 1):
+        if measured and good >= (design.good_samples if watch.lost else 1):
             mode = MODE_OK
     if mode == MODE_OK:
         cause = NONE

@@ -16,9 +16,10 @@ from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.nodes.axes import axes_asked, axis_namespace, refuse_unequal
-from nadrc_ros.nodes.diagnostics import Budget, Diagnostics, ERROR, Latencies, OK, WARN
+from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, Latencies, OK, WARN
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
+from nadrc_ros.nodes.mode_news import describe, ModeNews
 from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
@@ -30,8 +31,6 @@ from std_srvs.srv import SetBool, Trigger
 Reference = Sequence[float | None]
 # How often readers of the estimates are looked for [s].
 LOOK = 0.1
-# As many changes of mode are logged in so many seconds: a sensor that flaps must not fill a disk.
-NEWS = 30, 60.0
 LEVELS = {
     Cause.NONE: OK,
     Cause.START: WARN,
@@ -103,7 +102,7 @@ class ControllerNode(LiveNode):
         self._silent = self.controller.quiet
         self._silent_at_stop = False
         self.latencies = Latencies()
-        self._news = Budget(*NEWS)
+        self._news = ModeNews(self.controller.mode, self.controller.cause)
         self.lockstep: Lockstep | None = None
         self._sample_ticker: SampleTicker | None = None
         inputs = ['measurement', 'reference', *derivatives]
@@ -204,7 +203,8 @@ class ControllerNode(LiveNode):
             return
         (measurement, info, received), self._sample = self._sample, None
         dt = self._times.span(info, received)
-        self._tick(measurement, dt, elapsed, self._take_reference())
+        age = self._times.late + max(0.0, (now - received) * 1e-9)
+        self._tick(measurement, dt, elapsed, self._take_reference(), age)
         self.latencies.add(time.time() - info['source_timestamp'] * 1e-9)
 
     def _take_reference(self) -> Reference | None:
@@ -221,11 +221,16 @@ class ControllerNode(LiveNode):
     # ---- the step ----
 
     def _tick(
-        self, measurement: float, dt: float, elapsed: float, reference: Reference | None
+        self,
+        measurement: float,
+        dt: float,
+        elapsed: float,
+        reference: Reference | None,
+        age: float = 0.0,
     ) -> None:
         controller = self.controller
         applied, settings = controller.command, controller.settings
-        command = controller.tick(measurement, dt, elapsed=elapsed, reference=reference)
+        command = controller.tick(measurement, dt, elapsed=elapsed, age=age, reference=reference)
         if not (self._silent and controller.quiet) or self.lockstep is not None:
             self._command.send(command)
         sent_safe = command == controller.settings.safe_command
@@ -234,9 +239,9 @@ class ControllerNode(LiveNode):
         if self._steps % self._divisor == 0:
             self._estimates.send(controller)
         if self.trace is not None:
-            self.trace.tick(controller, measurement, dt, elapsed, reference, applied)
-        if self._shown != controller.watch[:2]:
-            self._announce()
+            self.trace.tick(controller, measurement, dt, elapsed, age, reference, applied)
+        if self._shown != controller.watch[:2] and self._log_mode():
+            self.diagnostics.publish()
         if controller.settings is not settings:
             self._tell_if_jumped(applied, settings.command_rate_limit * elapsed)
 
@@ -245,21 +250,16 @@ class ControllerNode(LiveNode):
 
     # ---- what it says of itself ----
 
-    def _announce(self) -> None:
-        """Log a change of mode once and tell /diagnostics at once, unless it flaps for long."""
+    def _log_mode(self) -> bool:
+        """Log a change of mode or cause that was not logged yet; return whether it was now."""
         self._shown = self.controller.watch[:2]
-        mode, cause = self.controller.mode, self.controller.cause
-        if not self._news.allows(time.monotonic()):
-            return
-        message = _describe(mode, cause)
-        if self._news.refused:
-            message += f' (after {self._news.refused} changes that were not logged)'
-            self._news.refused = 0
-        if mode == Mode.OK:
+        mode = self.controller.mode
+        message = self._news.of(mode, self.controller.cause, time.monotonic())
+        if message and mode == Mode.OK:
             self.get_logger().info(message)
-        else:
+        elif message:
             self.get_logger().warning(message)
-        self.diagnostics.publish()
+        return bool(message)
 
     def _tell_if_jumped(self, applied: float, allowed: float) -> None:
         """Log that a narrowed range was entered at once, which ranks above the rate limit."""
@@ -298,7 +298,10 @@ class ControllerNode(LiveNode):
         if self.trace is not None:
             self.trace.flush()
             self._tell_if_trace_failed()
-        level, message = LEVELS[controller.cause], _describe(controller.mode, controller.cause)
+        self._log_mode()  # the last of many changes
+        level, message = LEVELS[controller.cause], describe(controller.mode, controller.cause)
+        if controller.restarted:
+            level, message = WARN, f'{message}; the last sample only restarted the observers'
         if controller.settings.reference_timeout > 0.0 and controller.watch.reference_age == inf:
             level, message = max(level, WARN), f'{message}; no reference yet'
         if values.get('measurement_publishers', 1) not in (0, 1):
@@ -350,24 +353,6 @@ class ControllerNode(LiveNode):
             self.get_logger().warning(
                 f'the ramp to the safe command is cut short at {last:g}: {safe:g} is sent at once'
             )
-
-
-def _describe(mode: Mode, cause: Cause) -> str:
-    if mode == Mode.OK:
-        return 'in control'
-    action = {
-        Mode.HOLDING: 'holding',
-        Mode.RAMPING: 'going to the safe command',
-        Mode.SAFE: 'at the safe command',
-    }[mode]
-    reason = {
-        Cause.NONE: 'restarting',
-        Cause.START: 'no valid measurement yet',
-        Cause.DISABLED: 'disabled',
-        Cause.MEASUREMENT_TIMEOUT: 'no valid measurement',
-        Cause.REFERENCE_TIMEOUT: 'no valid reference',
-    }[cause]
-    return f'{action}: {reason}'
 
 
 def make_axes() -> list[ControllerNode]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from math import inf
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -53,31 +52,6 @@ class Diagnostics:
         before, self._now = self._now, self._node.get_clock().now().nanoseconds
         self._stands_still = self._now == before
         self.publish()
-
-
-class Budget:
-    """
-    Lets so many events through per time, and counts the rest.
-
-    Parameters
-    ----------
-    count, seconds
-        At most ``count`` events in any ``seconds``.
-
-    """
-
-    def __init__(self, count: int, seconds: float) -> None:
-        self.refused = 0
-        self._seconds = seconds
-        self._times: deque[float] = deque([-inf] * count, maxlen=count)
-
-    def allows(self, now: float) -> bool:
-        """Tell whether one more event at time ``now`` [s] is within the budget."""
-        if now - self._times[0] < self._seconds:
-            self.refused += 1
-            return False
-        self._times.append(now)
-        return True
 
 
 class Latencies:

@@ -35,6 +35,11 @@ class SampleTimes:
     whose number does not go on is a duplicate or out of order: its span is not positive, and the
     law refuses it. After a backward step of simulated time the span of one sample is 0.
 
+    Attributes
+    ----------
+    late
+        How much later than the one before the last sample came [s]: its age, after a stall.
+
     Parameters
     ----------
     period
@@ -52,6 +57,7 @@ class SampleTimes:
         self.from_future = 0
         self.clock_jumps = 0
         self.out_of_order = 0
+        self.late = 0.0
         self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
         # From stamp to receipt [ns], with the difference of their clocks: the least so far, and
         # until when it is at least what it is on a machine with our clock.
@@ -72,6 +78,7 @@ class SampleTimes:
 
         ``now`` is the receipt on the node's own clock [ns].
         """
+        self.late = 0.0
         received = info['received_timestamp']
         stamp = info['source_timestamp']
         number = info['publication_sequence_number']
@@ -105,6 +112,7 @@ class SampleTimes:
         self._least_delay = min(self._least_delay + min(drift, self._early // 2), now - stamp)
         self._learnt += 1
         self._last = stamp, now, number
+        self.late = max(0.0, (receipt - source) * 1e-9)
         return float(source) * 1e-9
 
     def _learn_delay(self, stamp: int, now: int) -> None:

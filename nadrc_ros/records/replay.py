@@ -17,9 +17,9 @@ class TraceWriter:
     """
     Writes JSON lines: ``{"settings": ...}`` first and at every change, then one record per tick.
 
-    A record has the arguments of :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``r``, the
-    ``applied`` command), ``enabled``, and what came out: ``u`` and ``status``. Numbers are written
-    so that they read back to the bit; nan and infinities as JavaScript writes them.
+    A record has the arguments of :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``,
+    ``r``, the ``applied`` command), ``enabled``, and what came out: ``u`` and ``status``. Numbers
+    are written so that they read back to the bit; nan and infinities as JavaScript writes them.
 
     When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
@@ -43,6 +43,7 @@ class TraceWriter:
         measurement: float,
         dt: float,
         elapsed: float,
+        age: float,
         reference: Sequence[float | None] | None,
         applied: float,
     ) -> None:
@@ -52,6 +53,7 @@ class TraceWriter:
                 'y': measurement,
                 'dt': dt,
                 'elapsed': elapsed,
+                'age': age,
                 'r': reference,
                 'applied': applied,
                 'enabled': controller.enabled,
@@ -104,6 +106,7 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
                 if controller is None:
                     controller = Controller(settings)
                 else:
+                    controller.enabled = False  # or another sign of b0 would be refused
                     controller.retune(settings)
                 continue
             if controller is None:
@@ -116,6 +119,7 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
                 record['y'],
                 record['dt'],
                 elapsed=record['elapsed'],
+                age=record['age'],
                 reference=record['r'],
                 applied=record['applied'],
             )

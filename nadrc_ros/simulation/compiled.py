@@ -28,7 +28,7 @@ from nadrc_ros.adrc.law import disturbance_estimate, output_estimate
 from nadrc_ros.adrc.settings import LARGEST, SMALLEST
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import LEVELS
-from nadrc_ros.simulation.metrics import accumulate, SETTLE_TIME
+from nadrc_ros.simulation.metrics import accumulate
 from nadrc_ros.simulation.plants.protocol import probe_state, unexplained
 from nadrc_ros.simulation.remainder import accumulate_remainders
 import numba
@@ -126,7 +126,7 @@ def compiled_loop(
             y = output(plant, x)
             measurement = y + noise[k - noise_start]
             u, now, watched = tick(
-                design, state, watch, True, reference, True, measurement, command, h, h, spare
+                design, state, watch, True, reference, True, measurement, command, h, h, 0.0, spare
             )
             disturbances(disturbance, t, w)
             truth = unexplained(derivative, plant, b0, t, x, u, w[0], work[0])
@@ -143,7 +143,7 @@ def compiled_loop(
             command, status, watch = u, now, watched
             followed = spare.profile[0] if tracking else r[0]
             saturated = u <= design.command_min or u >= design.command_max
-            accumulate(acc, t, h, followed - y, u, saturated, SETTLE_TIME)
+            accumulate(acc, t, h, followed - y, u, saturated)
             accumulate_remainders(design, spare, truth, t, h, remainders)
             counts[status] += 1
             if k < len(rows):

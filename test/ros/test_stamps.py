@@ -75,6 +75,15 @@ def test_p10_what_a_stall_made_late_is_no_clock_jump() -> None:
     assert line.times.clock_jumps == 1
 
 
+def test_p07_a_sample_is_as_late_as_its_stamp_says() -> None:
+    line = Line()
+    late = []
+    for number, (sent, delay) in enumerate(((0, 9), (5, 9), (10, 500), (510, 1), (515, 1)), 1):
+        line.span(number, float(sent), delay=float(delay))
+        late.append(round(1e3 * line.times.late, 6))
+    assert late == [0.0, 0.0, 491.0, 0.0, 0.0]
+
+
 def test_p10_a_stall_after_a_late_first_sample_is_no_clock_jump() -> None:
     line = Line()
     line.span(1, 0.0, delay=300.0)

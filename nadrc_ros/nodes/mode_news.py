@@ -1,0 +1,60 @@
+"""What the log says of the fault policy: every change, unless there are too many, and the last."""
+
+from __future__ import annotations
+
+from collections import deque
+from math import inf
+
+from nadrc_ros.adrc.supervisor import Cause, Mode
+
+# As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.
+COUNT, SECONDS = 30, 60.0
+ACTIONS = {
+    Mode.HOLDING: 'holding',
+    Mode.RAMPING: 'going to the safe command',
+    Mode.SAFE: 'at the safe command',
+}
+REASONS = {
+    Cause.NONE: 'restarting',
+    Cause.START: 'no valid measurement yet',
+    Cause.DISABLED: 'disabled',
+    Cause.MEASUREMENT_TIMEOUT: 'no valid measurement',
+    Cause.REFERENCE_TIMEOUT: 'no valid reference',
+}
+
+
+class ModeNews:
+    """
+    Decides which changes of mode and cause are logged.
+
+    At most ``COUNT`` in any ``SECONDS`` are. The last one always is, if late: a log must not end
+    with "in control" when the controller is not.
+
+    Parameters
+    ----------
+    mode, cause
+        What needs no mention.
+
+    """
+
+    def __init__(self, mode: Mode, cause: Cause) -> None:
+        self._now = self._told = mode, cause
+        self._unlogged = 0
+        self._times: deque[float] = deque([-inf] * COUNT, maxlen=COUNT)
+
+    def of(self, mode: Mode, cause: Cause, time: float) -> str:
+        """Return what to log at ``time`` [s], nothing unless it is news and may be logged yet."""
+        if (mode, cause) != self._now:
+            self._now = mode, cause
+            self._unlogged += 1
+        if self._now == self._told or time - self._times[0] < SECONDS:
+            return ''
+        self._times.append(time)
+        self._told, passed_over, self._unlogged = self._now, self._unlogged - 1, 0
+        more = f' (after {passed_over} changes that were not logged)' if passed_over else ''
+        return describe(mode, cause) + more
+
+
+def describe(mode: Mode, cause: Cause) -> str:
+    """Return in words what the command is, and why."""
+    return 'in control' if mode == Mode.OK else f'{ACTIONS[mode]}: {REASONS[cause]}'
