@@ -40,7 +40,7 @@ class Acting(Generic[F]):
     """A fault in one run: its settings, its random numbers, and what it remembers."""
 
     def __init__(self, fault: F, rate: float, origin: int, seed: tuple[int, int]) -> None:
-        self.fault = fault
+        self.fault: F = fault
         self.rate = rate
         self.begin = origin + first_period(fault.start, rate)
         self.end = NEVER
@@ -238,8 +238,8 @@ class Injector:
         """Go on with these from period ``k`` on; those that stay as they were go on as they do."""
         self._measurement = self._changed(self._measurement, faults.measurement, k)
         self._command = self._changed(self._command, faults.command, k)
-        all_of = [*self._measurement.values(), *self._command.values()]
-        self._windows = [(each.begin, each.end) for each in all_of]
+        self._windows = [(each.begin, each.end) for each in self._measurement.values()]
+        self._windows += [(each.begin, each.end) for each in self._command.values()]
 
     def _changed(
         self, before: dict[int, Acting[F]], faults: tuple[F, ...], k: int
