@@ -168,7 +168,7 @@ def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> No
     """
     Refuse a parameter file that is for nodes of this name, but for none of this process.
 
-    Of several axes none may be left out where others are meant.
+    Of several axes none may be left out where others are meant, if there is nothing for ``/**``.
 
     ROS passes over what is for other nodes, so that a controller in another namespace than its
     file says would run with the default limits. What the file has for ``/**`` does not count: it
@@ -194,15 +194,18 @@ def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> No
     found: list[str] = []
     for file in files:
         with open(file, encoding='utf-8') as stream:
-            keys = [
-                key for key in _node_keys(yaml.safe_load(stream)) if key.rpartition('/')[2] == name
-            ]
-        if keys and not any(_means(key, each) for key in keys for each in here):
-            raise _unheard(file, keys, full)
+            keys = list(_node_keys(yaml.safe_load(stream)))
+        own = _named(name, keys)
+        if own and not any(_means(key, each) for key in own for each in here):
+            raise _unheard(file, own, full)
         found += keys
     for each in here:
-        if found and not any(_means(key, each) for key in found):
-            raise _unheard(', '.join(files), found, each)
+        if (own := _named(name, found)) and not any(_means(key, each) for key in found):
+            raise _unheard(', '.join(files), own, each)
+
+
+def _named(name: str, keys: Sequence[str]) -> list[str]:
+    return [key for key in keys if key.rpartition('/')[2] == name]
 
 
 def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
