@@ -7,7 +7,7 @@ That is longer runs of the tests of promise 20, and more random cases.
 import os
 import signal
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 import pytest
 
 # As the commands do, and before NumPy is imported: with threads of its own, which wait busily,
@@ -15,7 +15,10 @@ import pytest
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 # What a shell starts in the background ignores it, and so would all that the tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-settings.register_profile('soak', max_examples=100_000, deadline=None)
+# A busy machine may keep any example waiting.
+settings.register_profile('test', deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile('soak', settings.get_profile('test'), max_examples=100_000)
+settings.load_profile('test')
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

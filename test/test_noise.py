@@ -52,7 +52,6 @@ def test_sample_time_zero_draws_each_period() -> None:
     assert len({source.at(k) for k in range(500)}) == 500
 
 
-@settings(deadline=None)
 @given(
     st.integers(0, 2**63 - 1),
     st.sampled_from((0.0, 0.0004, 0.001, 0.003, 0.01)),

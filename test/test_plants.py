@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import cos, exp, inf, isnan, log, nan, pi, sin, sqrt, tanh
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
@@ -288,7 +288,6 @@ def test_integration_against_a_closed_form() -> None:
     assert x == pytest.approx([1 + 1 + 3 / 8 + 4 / 48, 2 + 1.5 + 0.5, 5.0], rel=1e-15)
 
 
-@settings(deadline=None)
 @given(st.sampled_from(sorted(PLANTS)), st.integers(1, 6), st.floats(-2, 2))
 def test_substeps_equal_steps_and_the_input_is_left_alone(name: str, count: int, u: float) -> None:
     plant = make_plant(name, {})

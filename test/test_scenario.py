@@ -6,7 +6,7 @@ from math import isfinite
 from pathlib import Path
 import re
 
-from hypothesis import given, HealthCheck, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.scenario import (
@@ -285,7 +285,7 @@ def test_what_is_no_yaml_mapping_is_refused_in_one_sentence(text: str, message: 
     assert re.search(message, refused(text))
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=300)
 @given(st.data())
 def test_no_damage_to_a_file_gives_another_exception(data: st.DataObject) -> None:
     at = data.draw(st.integers(0, len(FULL)))

@@ -86,7 +86,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         raise
 
 
-@settings(max_examples=60, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(scenarios())
 def test_what_is_dumped_loads_back_equal(scenario: Scenario) -> None:
     text = dump(scenario)

@@ -60,7 +60,7 @@ def away(t: float, *corners: float) -> bool:
     return all(abs(t - corner) > 0.05 for corner in corners)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.sampled_from(SMOOTH), FLAT, st.floats(0, 12))
 def test_each_derivative_is_the_slope_of_the_one_before(
     name: str, flat: dict[str, float], t: float
@@ -73,7 +73,7 @@ def test_each_derivative_is_the_slope_of_the_one_before(
         assert values[k + 1] == pytest.approx(slope, rel=1e-6, abs=1e-5), k
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(FLAT, st.floats(0, 12))
 def test_trapezoid_derivatives_are_slopes_between_its_corners(
     flat: dict[str, float], t: float
