@@ -71,6 +71,7 @@ def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], l
             u,
             h,
             h,
+            h * rng.random(),
             out,
         )
         watch = Watch(*watch)
