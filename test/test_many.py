@@ -47,6 +47,24 @@ if __name__ == '__main__':
     )
     print(len(found))
 """
+# Between the two lines with which a task comes into the books of the executor and its queue.
+INTERRUPTED = """
+from nadrc_ros.simulation import many
+
+def own_workers(fast, make=many.own_workers):
+    workers = make(fast)
+    put, left = workers._work_ids.put, iter(range(4))
+
+    def interrupted(task):
+        if next(left) == 3:
+            raise KeyboardInterrupt
+        put(task)
+
+    workers._work_ids.put = interrupted
+    return workers
+
+many.own_workers = own_workers
+"""
 SETTINGS = [ControllerSettings(), ControllerSettings(structure='conventional')]
 
 
@@ -139,6 +157,15 @@ def test_ctrl_c_on_a_terminal_is_no_matter_of_the_processes() -> None:
     out, errors = process.communicate(timeout=300.0)
     assert (process.returncode, errors) == (0, '')
     assert 0 < int(out.split()[-1]) < 1000
+
+
+def test_ctrl_c_while_a_task_is_handed_out_does_not_wait_for_it_for_ever() -> None:
+    command = [sys.executable, '-c', INTERRUPTED + SCRIPT]
+    done = subprocess.run(
+        command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=60.0
+    )
+    assert (done.returncode, done.stderr) == (0, '')
+    assert 0 < int(done.stdout.split()[-1]) < 1000
 
 
 def test_without_the_compiler_all_cores_are_used_by_processes() -> None:

@@ -92,8 +92,11 @@ def simulate_many(
     tasks = iter(lambda: (list(islice(runs, size)), fast), ([], fast))
     if executor is not None:
         return _collect(stream(executor, run_batch, tasks), count, progress)
-    with own_workers(fast) as workers:
+    workers = own_workers(fast)
+    try:
         return _collect(stream(workers, run_batch, tasks), count, progress)
+    finally:  # Ctrl-C inside submit leaves a task that is never done: to wait for it is for ever
+        workers.shutdown(cancel_futures=True)
 
 
 def own_workers(fast: bool) -> Executor:
