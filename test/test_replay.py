@@ -23,8 +23,9 @@ def test_p18_another_sign_of_b0_is_replayed_though_no_tick_says_that_the_loop_wa
     chain = Chain(2)
 
     def turn() -> None:
-        controller.retune(attrs.evolve(controller.settings, b0=-controller.settings.b0))
-        trace.settings(attrs.evolve(controller.settings, b0=-controller.settings.b0))
+        turned = attrs.evolve(controller.settings, b0=-controller.settings.b0)
+        controller.retune(turned)
+        trace.settings(turned)
 
     def run(ticks: int) -> None:
         for i in range(ticks):

@@ -2,7 +2,7 @@
 
 # ruff: noqa: UP045
 from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.cli.failure import complain, reporting
@@ -19,27 +19,29 @@ ASKED = declared(Requirements)
 POINTS = 800
 
 
-def _help(name: str) -> Any:
-    return option(ASKED[name])
-
-
 def design(
-    settling_time: Annotated[float, _help('settling_time')],
-    order: Annotated[int, _help('order')] = ASKED['order'].default,
-    rate: Annotated[float, _help('rate')] = ASKED['rate'].default,
-    b0: Annotated[float, _help('b0')] = ASKED['b0'].default,
-    noise_std: Annotated[float, _help('noise_std')] = ASKED['noise_std'].default,
-    command_noise: Annotated[float, _help('command_noise')] = ASKED['command_noise'].default,
-    command_limit: Annotated[float, _help('command_limit')] = ASKED['command_limit'].default,
-    delay: Annotated[float, _help('delay')] = ASKED['delay'].default,
-    disturbance: Annotated[float, _help('disturbance')] = ASKED['disturbance'].default,
-    disturbance_frequency: Annotated[float, _help('disturbance_frequency')] = ASKED[
+    settling_time: Annotated[float, option(ASKED['settling_time'])],
+    order: Annotated[int, option(ASKED['order'])] = ASKED['order'].default,
+    rate: Annotated[float, option(ASKED['rate'])] = ASKED['rate'].default,
+    b0: Annotated[float, option(ASKED['b0'])] = ASKED['b0'].default,
+    noise_std: Annotated[float, option(ASKED['noise_std'])] = ASKED['noise_std'].default,
+    command_noise: Annotated[float, option(ASKED['command_noise'])] = ASKED[
+        'command_noise'
+    ].default,
+    command_limit: Annotated[float, option(ASKED['command_limit'])] = ASKED[
+        'command_limit'
+    ].default,
+    delay: Annotated[float, option(ASKED['delay'])] = ASKED['delay'].default,
+    disturbance: Annotated[float, option(ASKED['disturbance'])] = ASKED['disturbance'].default,
+    disturbance_frequency: Annotated[float, option(ASKED['disturbance_frequency'])] = ASKED[
         'disturbance_frequency'
     ].default,
-    reference_step: Annotated[float, _help('reference_step')] = ASKED['reference_step'].default,
-    structure: Annotated[str, _help('structure')] = ASKED['structure'].default,
-    levels: Annotated[int, _help('levels')] = ASKED['levels'].default,
-    half_gain: Annotated[bool, _help('half_gain')] = ASKED['half_gain'].default,
+    reference_step: Annotated[float, option(ASKED['reference_step'])] = ASKED[
+        'reference_step'
+    ].default,
+    structure: Annotated[str, option(ASKED['structure'])] = ASKED['structure'].default,
+    levels: Annotated[int, option(ASKED['levels'])] = ASKED['levels'].default,
+    half_gain: Annotated[bool, option(ASKED['half_gain'])] = ASKED['half_gain'].default,
     out: Annotated[
         Optional[Path],
         typer.Option(help='Folder for design.yaml, scenario.yaml, bode.png and design.json.'),

@@ -97,7 +97,6 @@ class ControllerNode(LiveNode):
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = 0
         self._idle = 0
-        self._shown = self.controller.watch[:2]
         self._stopping = False
         self._silent = self.controller.quiet
         self._silent_at_stop = False
@@ -240,7 +239,7 @@ class ControllerNode(LiveNode):
             self._estimates.send(controller)
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, age, reference, applied)
-        if self._shown != controller.watch[:2] and self._log_mode():
+        if self._news.now != controller.watch[:2] and self._log_mode():
             self.diagnostics.publish()
         if controller.settings is not settings:
             self._tell_if_jumped(applied, settings.command_rate_limit * elapsed)
@@ -252,7 +251,6 @@ class ControllerNode(LiveNode):
 
     def _log_mode(self) -> bool:
         """Log a change of mode or cause that was not logged yet; return whether it was now."""
-        self._shown = self.controller.watch[:2]
         mode = self.controller.mode
         message = self._news.of(mode, self.controller.cause, time.monotonic())
         if message and mode == Mode.OK:

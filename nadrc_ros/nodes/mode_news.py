@@ -35,22 +35,27 @@ class ModeNews:
     mode, cause
         What needs no mention.
 
+    Attributes
+    ----------
+    now
+        Mode and cause that were seen last.
+
     """
 
     def __init__(self, mode: Mode, cause: Cause) -> None:
-        self._now = self._told = mode, cause
+        self.now = self._told = mode, cause
         self._unlogged = 0
         self._times: deque[float] = deque([-inf] * COUNT, maxlen=COUNT)
 
     def of(self, mode: Mode, cause: Cause, time: float) -> str:
         """Return what to log at ``time`` [s], nothing unless it is news and may be logged yet."""
-        if (mode, cause) != self._now:
-            self._now = mode, cause
+        if (mode, cause) != self.now:
+            self.now = mode, cause
             self._unlogged += 1
-        if self._now == self._told or time - self._times[0] < SECONDS:
+        if self.now == self._told or time - self._times[0] < SECONDS:
             return ''
         self._times.append(time)
-        self._told, passed_over, self._unlogged = self._now, self._unlogged - 1, 0
+        self._told, passed_over, self._unlogged = self.now, self._unlogged - 1, 0
         more = f' (after {passed_over} changes that were not logged)' if passed_over else ''
         return describe(mode, cause) + more
 

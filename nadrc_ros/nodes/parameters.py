@@ -199,8 +199,9 @@ def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> No
         if own and not any(_means(key, each) for key in own for each in here):
             raise _unheard(file, own, full)
         found += keys
-    for each in here:
-        if (own := _named(name, found)) and not any(_means(key, each) for key in found):
+    own = _named(name, found)
+    for each in here if own else []:
+        if not any(_means(key, each) for key in found):
             raise _unheard(', '.join(files), own, each)
 
 

@@ -121,6 +121,7 @@ class PlantNode(LiveNode):
         self._commanded = False
         self._timed_out = False
         self._diverged = False
+        self._keeps_up = True
         self._bad_commands = 0
         self._timeouts = 0
         self.lockstep: Lockstep | None = None
@@ -135,7 +136,6 @@ class PlantNode(LiveNode):
             self._output = Sender(self, '~/output')
             self._truth = Sender(self, '~/total_disturbance')
             receive(self, 'command', self._on_command)
-            self._keeps_up = True
             self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
         self.diagnostics = Diagnostics(self, self._report)
 
@@ -259,7 +259,7 @@ class PlantNode(LiveNode):
             return ERROR, 'the plant diverged', values
         if self._timed_out:
             return WARN, 'no command: using the safe command', values
-        if self.lockstep is None and not self._keeps_up:
+        if not self._keeps_up:
             return WARN, 'slower than real time: this plant is too much for its rate here', values
         return OK, 'running' if self._started or self.lockstep else 'waiting for a command', values
 

@@ -35,11 +35,6 @@ class SampleTimes:
     whose number does not go on is a duplicate or out of order: its span is not positive, and the
     law refuses it. After a backward step of simulated time the span of one sample is 0.
 
-    Attributes
-    ----------
-    late
-        How much later than the one before the last sample came [s]: its age, after a stall.
-
     Parameters
     ----------
     period
@@ -48,6 +43,11 @@ class SampleTimes:
         False where source stamps and the node's clock run apart, as in simulated time.
     wall
         The clock of stamps on this machine [ns].
+
+    Attributes
+    ----------
+    late
+        How much later than the one before the last sample came [s]: its age, after a stall.
 
     """
 
