@@ -30,13 +30,12 @@ import attrs
 from bench.processes import BARE, CONTROLLER, Process, process
 from bench.results import save, show
 from nadrc_ros.nodes.graph import private_domain
-from nadrc_ros.nodes.runtime import make_executor, spin_for
+from nadrc_ros.nodes.runtime import init_ros, make_executor, spin_for
 from nadrc_ros.nodes.topics import Info, receive, Sender
 import numpy as np
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 COUNTS = (1, 4, 16, 64)
 RATE = 100.0
@@ -68,7 +67,7 @@ class Plants:
     """Sends a measurement to every axis in each period, and hears the commands."""
 
     def __init__(self, axes: list[str]) -> None:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        init_ros()
         node = Node('plants')
         self.heard = {axis: Heard() for axis in axes}
         senders = [Sender(node, f'/{axis}/measurement') for axis in axes]

@@ -31,13 +31,12 @@ from typing import Any
 from bench.processes import BARE, CONTROLLER, Process, process
 from bench.results import over, save, show
 from nadrc_ros.nodes.graph import private_domain
-from nadrc_ros.nodes.runtime import make_executor, spin_for
+from nadrc_ros.nodes.runtime import init_ros, make_executor, spin_for
 from nadrc_ros.nodes.topics import Info, receive, Sender
 import numpy as np
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 RATES = (100, 500, 1000)
 TURNS = 3
@@ -88,7 +87,7 @@ class Plant:
     """Sends to each contestant in turn, and counts from the end of the warm-up on."""
 
     def __init__(self, rate: float) -> None:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        init_ros()
         node = Node('plant')
         self.trips = {name: Trip(node, name) for name in CONTESTANTS}
         turns = cycle(self.trips.values())

@@ -13,11 +13,10 @@ from typing import Any
 import attrs
 from nadrc_ros.nodes.graph import Loop
 from nadrc_ros.nodes.operation import check, Operator, Progress
-from nadrc_ros.nodes.runtime import stop_signals
+from nadrc_ros.nodes.runtime import init_ros, stop_signals
 from nadrc_ros.records.recording import read_samples, SUMMARY
 from nadrc_ros.scenario import Scenario
 import rclpy
-from rclpy.signals import SignalHandlerOptions
 
 
 @attrs.frozen(kw_only=True)
@@ -66,7 +65,7 @@ def run_realtime(
         When a node fails, does not appear, or refuses a retune.
 
     """
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    init_ros()
     try:
         with _loops(scenario, list(scenario.controllers), directory, lockstep=False) as loops:
             operator = Operator(loops)

@@ -157,6 +157,17 @@ def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> No
         spin_for(executor, LONG, done)
 
 
+def init_ros(arguments: list[str] | None = None) -> None:
+    """
+    Start ROS, with signals left to us and, unless the environment says otherwise, over UDP only.
+
+    A process that is killed while it starts can leave shared memory of Fast DDS 2.14 unfinished,
+    and who opens that waits for ever: the controller, too, in ``publish``, for a dead recorder.
+    """
+    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+
+
 def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     """
     Run a node, or several, until told to stop; return the exit code of the process.
@@ -177,7 +188,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     for number in stop_signals():
         signal.signal(number, on_signal)
     try:
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        init_ros()
         made = make()
         nodes += [made] if isinstance(made, LiveNode) else made
     except BAD_START as error:

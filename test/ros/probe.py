@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nadrc_ros.nodes.runtime import LiveNode, make_executor, spin_for
+from nadrc_ros.nodes.runtime import init_ros, LiveNode, make_executor, spin_for
 from nadrc_ros.nodes.topics import receive, RECORD, SEND
 from nadrc_ros.scenario.yaml_text import write_yaml
 from rcl_interfaces.srv import (
@@ -27,7 +27,6 @@ import rclpy
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
@@ -156,7 +155,7 @@ class Probe:
             | {f'{namespace}/probe': {'nothing': 0}},
         )
         ros = ['--ros-args', '-r', f'__ns:={namespace}', '--params-file', str(file), *arguments]
-        rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+        init_ros(ros)
         self.namespace = namespace
         self.node = Node('probe')
         self.executor = executor()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from math import inf, nan
 from pathlib import Path
 from random import Random
+import re
 import signal
 import time
 from typing import Any
@@ -16,6 +17,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import fault_fields
 from probe import NodeProcess, parameter_messages, Probe, Processes
 from rcl_interfaces.srv import SetParameters
+from rclpy import get_rmw_implementation_identifier
 from resources import Held, held
 from std_srvs.srv import Trigger
 
@@ -89,6 +91,13 @@ def valid(rng: Random, name: str) -> Any:
     if name in RANGES:
         return rng.uniform(low, high)
     return min(max(now * rng.uniform(0.5, 2.0), low), high)
+
+
+def has_its_ports(pid: int) -> bool:
+    """Whether the two ports of a process in shared memory are open, where Fast DDS uses such."""
+    names = [path.read_text().strip() for path in Path(f'/proc/{pid}/task').glob('*/comm')]
+    ports = [name for name in names if re.fullmatch(r'dds\.shm\.[0-9]+', name)]
+    return len(ports) == 2 or 'fastrtps' not in get_rmw_implementation_identifier()
 
 
 class Soak:
@@ -271,8 +280,11 @@ class Soak:
         self.processes[name].signal(signal.SIGCONT)
 
     def _kill(self, name: str) -> None:
-        self.processes[name].signal(signal.SIGKILL)
-        self.processes[name].end()
+        """Kill a node, but not while it opens its ports: who opened these next would hang."""
+        process = self.processes[name]
+        self._probe.wait_until(lambda: has_its_ports(process.popen.pid))
+        process.signal(signal.SIGKILL)
+        process.end()
         self._begin(name)
 
     def _tell(self, node: str, **values: Any) -> None:

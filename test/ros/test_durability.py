@@ -29,7 +29,6 @@ DERIVED = ('samples_lost', 'samples_lost_by_signal', 'complete')
 def recorders(start: Processes, directory: Path, count: int) -> dict[str, NodeProcess]:
     """Start recorders with the same place to write to, all at once."""
     settings: dict[str, Any] = {'rate': RATE, 'directory': str(directory), **LIMITS}
-    # so few columns that the buffer of the file would last for more than a second
     settings |= {'inputs': 'reference measurement command tracking', 'error': 'tracking'}
     return {
         name: start('recorder', '-r', f'__node:={name}', **settings)

@@ -76,6 +76,16 @@ def test_a_row_is_one_period_with_the_command_that_acted_in_it(
     assert rows['output'] == [0.1 * k + 0.5 for k in range(1, 6)]
 
 
+def test_rows_are_in_the_file_while_the_run_goes_on(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    for _ in range(3):
+        feed.sample()
+    folder = feed.recorder.folder.path
+    feed.probe.wait_until(lambda: read_samples(folder)['time'] == [0.0, 1.0])
+
+
 def test_time_begins_at_the_first_command_even_when_that_came_before_any_measurement(
     make_probe: Callable[..., Probe], tmp_path: Path
 ) -> None:
