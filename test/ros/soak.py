@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from math import inf, nan
 from pathlib import Path
 from random import Random
-import re
 import signal
 import time
 from typing import Any
@@ -17,7 +16,6 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import fault_fields
 from probe import NodeProcess, parameter_messages, Probe, Processes
 from rcl_interfaces.srv import SetParameters
-from rclpy import get_rmw_implementation_identifier
 from resources import Held, held
 from std_srvs.srv import Trigger
 
@@ -64,8 +62,8 @@ LIVE = {name: f for name, f in declared(ControllerSettings).items() if f.live}
 FAULTS = fault_fields()
 FAULTLESS = {name: 'none' for name in FAULTS if name.endswith('.kind')}
 GARBAGE = (nan, inf, -inf, 1e308, 5e-324, -1e6, 0.0)
-# Nodes die, and a stranger publishes on their topics, in the first part of the duration; what is
-# recorded and what is held is judged after it, where every number on a topic is its node's.
+# Nodes come and go, and a stranger publishes on their topics, in the first part of the duration;
+# what is recorded and what is held is judged after it, where a topic has its node's numbers only.
 UNTIL_CALM = 0.4
 BAND = 0.1
 
@@ -91,13 +89,6 @@ def valid(rng: Random, name: str) -> Any:
     if name in RANGES:
         return rng.uniform(low, high)
     return min(max(now * rng.uniform(0.5, 2.0), low), high)
-
-
-def has_its_ports(pid: int) -> bool:
-    """Whether the two ports of a process in shared memory are open, where Fast DDS uses such."""
-    names = [path.read_text().strip() for path in Path(f'/proc/{pid}/task').glob('*/comm')]
-    ports = [name for name in names if re.fullmatch(r'dds\.shm\.[0-9]+', name)]
-    return len(ports) == 2 or 'fastrtps' not in get_rmw_implementation_identifier()
 
 
 class Soak:
@@ -142,9 +133,9 @@ class Soak:
         self._wild: dict[str, Callable[[], object]] = {
             'samples of a stranger': self._send_garbage,
             'recorder reset': self._reset_recorder,
-            'plant killed': lambda: self._kill('plant'),
-            'reference killed': lambda: self._kill('reference'),
-            'recorder killed': lambda: self._kill('recorder'),
+            'plant restarted': lambda: self._restart('plant'),
+            'reference restarted': lambda: self._restart('reference'),
+            'recorder restarted': lambda: self._restart('recorder'),
         }
 
     # ---- the run ----
@@ -212,7 +203,7 @@ class Soak:
             )
             if self._within(10.0, future.done) and self._within(10.0, self._measures):
                 return
-            self._kill('plant')
+            self._restart('plant')
         raise AssertionError('no plant answers and is heard by the controller')
 
     def _measures(self) -> bool:
@@ -228,7 +219,7 @@ class Soak:
         """Start another recorder, and whom it does not hear: a busy DDS may leave one deaf."""
         sources = {'measurement': 'plant', 'command': 'controller'}
         for _ in range(4):
-            self._kill('recorder')
+            self._restart('recorder')
             reports = self._probe.said('recorder')
             known = len(reports) + 1
             if self._within(10.0, lambda: self._hears(reports[known:])):  # noqa: B023
@@ -236,7 +227,7 @@ class Soak:
             told = reports[-1][1]
             for topic, name in sources.items():
                 if topic in told:
-                    self._kill(name)
+                    self._restart(name)
         raise AssertionError(f'the recorder says: {told}')
 
     def _hears(self, reports: list[Any]) -> bool:
@@ -279,12 +270,10 @@ class Soak:
         self._probe.spin(self._rng.uniform(0.1, 1.0))
         self.processes[name].signal(signal.SIGCONT)
 
-    def _kill(self, name: str) -> None:
-        """Kill a node, but not while it opens its ports: who opened these next would hang."""
-        process = self.processes[name]
-        self._probe.wait_until(lambda: has_its_ports(process.popen.pid))
-        process.signal(signal.SIGKILL)
-        process.end()
+    def _restart(self, name: str) -> None:
+        """End a node, and start it again: Fast DDS may hang for good in what a killed one left."""
+        self.processes[name].signal(signal.SIGTERM)
+        self.processes[name].end()
         self._begin(name)
 
     def _tell(self, node: str, **values: Any) -> None:
@@ -292,7 +281,7 @@ class Soak:
         self._ask(SetParameters, f'{node}/set_parameters', request)
 
     def _ask(self, kind: Any, service: str, request: Any) -> None:
-        """Ask without waiting for an answer: a node that was just killed may never give it."""
+        """Ask without waiting for an answer: a node that was just ended may never give it."""
         if service not in self._clients:
             self._clients[service] = self._probe.node.create_client(kind, service)
         self._clients[service].call_async(request)
