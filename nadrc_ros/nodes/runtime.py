@@ -163,6 +163,7 @@ def init_ros(arguments: list[str] | None = None) -> None:
 
     A process that is killed while it starts can leave shared memory of Fast DDS 2.14 unfinished,
     and who opens that waits for ever: the controller, too, in ``publish``, for a dead recorder.
+    Where discovery is LOCALHOST, rmw_fastrtps 8.4 opens shared memory all the same.
     """
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
