@@ -56,8 +56,11 @@ def forward(rng: random.Random, interfaces: list[socket.socket]) -> None:
             except OSError:  # a full queue loses frames too
                 continue
         wait = under_way[0][0] - now if under_way else None
-        for key, _ in selector.select(wait):
+        ready = selector.select(wait)
+        for key, _ in ready:
             if not isinstance(key.fileobj, socket.socket):
+                if len(ready) > 1:
+                    continue  # frames that waited here go first, by the old state
                 line = sys.stdin.readline()
                 if not line:
                     return
