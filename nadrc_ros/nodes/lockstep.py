@@ -41,6 +41,8 @@ class LockstepSender(Sender):
                 return
             except PublishError as error:
                 if self._node.told_to_stop:
+                    said = f'{self.topic}: the last sample could not be sent ({error})'
+                    self._node.get_logger().warning(said)
                     return
                 if time.monotonic() > end:
                     self._node.fail(f'{self.topic}: a reader does not keep up ({error})')

@@ -158,5 +158,6 @@ def test_p14_interrupted_beside_a_dead_reader_a_node_ends_at_once_at_safe(
     begin = controller.signal(signal.SIGTERM)
     assert probe.end_of(controller) == 0
     assert time.monotonic() - begin < 3.0
+    print(commands.numbers, controller.said)
     probe.wait_until(lambda: commands[-1] == 1.5)
     assert commands.numbers == list(range(1, 22))
