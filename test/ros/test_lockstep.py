@@ -14,6 +14,7 @@ import attrs
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.live import Run, run_lockstep
+from nadrc_ros.nodes.runtime import DESTROY_TIME, END_TIME
 from nadrc_ros.scenario import loads, Scenario
 from probe import Probe, Processes
 
@@ -157,7 +158,7 @@ def test_p14_interrupted_beside_a_dead_reader_a_node_ends_at_once_at_safe(
     recorder.end()
     begin = controller.signal(signal.SIGTERM)
     assert probe.end_of(controller) == 0
-    assert time.monotonic() - begin < 3.0
-    print(commands.numbers, controller.said)
+    # as long as there is time for a reader that was held up
+    assert END_TIME - DESTROY_TIME < time.monotonic() - begin < 3.0
     probe.wait_until(lambda: commands[-1] == 1.5)
     assert commands.numbers == list(range(1, 22))

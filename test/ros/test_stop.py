@@ -8,6 +8,7 @@ import time
 from typing import Any
 
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.runtime import LAST_WAIT
 from probe import INTERRUPTS, NodeProcess, parameter_file, Probe, Processes
 import pytest
 
@@ -29,6 +30,7 @@ PLANT: dict[str, Any] = {
 }
 BROKEN = """
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.runtime import LAST_WAIT
 from nadrc_ros.nodes.runtime import run
 
 class Broken(ControllerNode):
@@ -42,6 +44,7 @@ raise SystemExit(run(Broken))
 LOCKED_UP = """
 import ctypes
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.runtime import LAST_WAIT
 from nadrc_ros.nodes.runtime import run
 
 class LockedUp(ControllerNode):
@@ -64,6 +67,20 @@ class Slow(runtime.LiveNode):
 runtime.END_TIME = {time}
 runtime.TEAR_DOWN_TIME = 20.0
 raise SystemExit(runtime.run(lambda: [Slow(f'n{{i}}') for i in range(12)]))
+"""
+LASTING = """
+import time
+from nadrc_ros.nodes import runtime
+
+class Lasting(runtime.LiveNode):
+    def close(self):
+        self.closed = time.monotonic()
+
+    def destroy_node(self):
+        print('lasted', time.monotonic() - self.closed, flush=True)
+        super().destroy_node()
+
+raise SystemExit(runtime.run(lambda: Lasting('lasting')))
 """
 # Slack for a machine that has other things to do; promised is 1 s.
 SLACK = 3.0
@@ -187,6 +204,15 @@ def test_p14_many_nodes_are_destroyed_as_far_as_there_is_time(
     process.signal(signal.SIGINT)
     assert probe.end_of(process) == 0
     assert (process.said.count('destroyed') == 12) == all_of_them, process.said
+
+
+def test_p14_a_writer_outlives_its_last_message(probe: Probe, start: Processes) -> None:
+    arguments = ('--ros-args', '-r', f'__ns:={probe.namespace}')
+    process = start.run('lasting', '-c', LASTING, *arguments)
+    probe.wait_until(lambda: 'lasting' in probe.nodes())
+    process.signal(signal.SIGINT)
+    assert probe.end_of(process) == 0
+    assert float(process.said.split('lasted')[1]) >= LAST_WAIT
 
 
 def test_a_controller_that_is_silent_stays_so_when_it_is_retuned_and_stopped(

@@ -25,8 +25,9 @@ duration: 3
 controllers:
   nested: {}
 """
-# What a busy machine delays by less than a period, nobody counts.
 ATTEMPTS = 3
+# Later [ms] than this, of a period of 10, a command may miss the plant's next period.
+IN_TIME = 9.0
 SMALL = [
     '--trials',
     '16',
@@ -78,9 +79,10 @@ def test_the_tuned_loop_does_on_ros_what_was_predicted(
     for _ in range(ATTEMPTS):
         nadrc(real_time, tmp_path)
         live = figures(tmp_path)
-        if not (live['missed_periods'] or live['samples_lost']):
+        in_time = live['latency_p99_ms'] < IN_TIME
+        if in_time and not (live['missed_periods'] or live['samples_lost']):
             undisturbed.append({key: live[key] for key in expected})
-            if undisturbed[-1] == pytest.approx(expected, rel=0.1):
+            if undisturbed[-1] == pytest.approx(expected, rel=0.05):
                 break
     else:
         assert not undisturbed, (undisturbed, expected)
