@@ -66,6 +66,11 @@ class NodeProcess:
         return self._log.read_text(encoding='utf-8', errors='replace')
 
     @property
+    def own_lines(self) -> list[str]:
+        """What the node said, without what Fast DDS prints of its own transport."""
+        return [line for line in self.said.splitlines() if 'RTPS_TRANSPORT' not in line]
+
+    @property
     def running(self) -> bool:
         return self.popen.poll() is None
 

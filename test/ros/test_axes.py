@@ -138,7 +138,7 @@ def test_axes_that_cannot_be_are_refused_in_one_line(
     process = run_axes(start, axes=axes, **parameters)
     assert process.end() == 1
     assert complaint.format(*[start.namespace] * 2) in process.said
-    assert len(process.said.splitlines()) == 1, process.said
+    assert len(process.own_lines) == 1, process.said
 
 
 def test_an_axis_that_is_refused_is_named_and_leaves_nothing_of_the_others(
