@@ -116,8 +116,9 @@ def test_what_a_running_node_shows_starts_the_same_node_again(
     first.signal(signal.SIGINT)
     assert probe.end_of(first) == 0
     file = parameter_file(tmp_path / 'dump.yaml', {f'{start.namespace}/controller': shown})
-    # The graph may list the first one for ever (rmw_fastrtps 8.4); only the second can answer.
+    probe.wait_until(lambda: 'controller' not in probe.nodes())
     second = start('controller', file=file)
+    probe.wait_until(lambda: 'controller' in probe.nodes())
     assert probe.all_parameters('controller') == shown
     assert second.running
 

@@ -30,7 +30,6 @@ PLANT: dict[str, Any] = {
 }
 BROKEN = """
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.runtime import LAST_WAIT
 from nadrc_ros.nodes.runtime import run
 
 class Broken(ControllerNode):
@@ -44,7 +43,6 @@ raise SystemExit(run(Broken))
 LOCKED_UP = """
 import ctypes
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.runtime import LAST_WAIT
 from nadrc_ros.nodes.runtime import run
 
 class LockedUp(ControllerNode):
