@@ -4,23 +4,28 @@ A bad network link in user space: frames from one interface are sent to the othe
     python bad_link.py SEED INTERFACE INTERFACE
 
 Each line on stdin, "delay spread loss" (s, s, fraction), is the state of the link from then on; it
-is answered with the time at which it took effect. A frame takes ``delay`` +- ``spread``, so frames
-overtake each other; a loss of 1 is a cut, which takes also what is under way.
+is answered with the time at which it took effect, and how late at most a frame was sent until then
+[s]. A frame takes ``delay`` +- ``spread`` from its arrival, so frames overtake each other; a loss
+of 1 is a cut, which takes also what is under way.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 import heapq
 from itertools import count
+import os
 import random
 import selectors
 import socket
+import struct
 import sys
 import time
 
 ETH_P_ALL = 3
 SOL_PACKET = 263
 PACKET_VNET_HDR = 15
+SO_TIMESTAMPNS = 35
 FRAME = 1 << 17
 
 
@@ -33,14 +38,22 @@ def open_interface(name: str) -> socket.socket:
     """
     opened = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETH_P_ALL))
     opened.setsockopt(SOL_PACKET, PACKET_VNET_HDR, 1)
+    opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
     opened.bind((name, ETH_P_ALL))
     opened.setblocking(False)
     return opened
 
 
+def receive(interface: socket.socket) -> tuple[bytes, bool, float]:
+    """Return a frame, whether it goes out here, and when the kernel got it [s]."""
+    frame, [(_, _, stamp)], _, (_, _, kind, *_) = interface.recvmsg(FRAME, 64)
+    seconds, nanoseconds = struct.unpack('ll', stamp)
+    return frame, kind == socket.PACKET_OUTGOING, seconds + nanoseconds * 1e-9
+
+
 def forward(rng: random.Random, interfaces: list[socket.socket]) -> None:
     """Forward until stdin ends."""
-    delay = spread = loss = 0.0
+    delay = spread = loss = late = 0.0
     order = count()
     under_way: list[tuple[float, int, socket.socket, bytes]] = []
     selector = selectors.DefaultSelector()
@@ -48,9 +61,10 @@ def forward(rng: random.Random, interfaces: list[socket.socket]) -> None:
     for interface, other in zip(interfaces, reversed(interfaces)):
         selector.register(interface, selectors.EVENT_READ, other)
     while True:
-        now = time.monotonic()
+        now = time.time()
         while under_way and under_way[0][0] <= now:
-            _, _, out, frame = heapq.heappop(under_way)
+            due, _, out, frame = heapq.heappop(under_way)
+            late = max(late, now - due)
             try:
                 out.send(frame)
             except OSError:  # a full queue loses frames too
@@ -67,14 +81,17 @@ def forward(rng: random.Random, interfaces: list[socket.socket]) -> None:
                 delay, spread, loss = map(float, line.split())
                 if loss >= 1.0:
                     under_way.clear()
-                print(time.time(), flush=True)
+                print(time.time(), late, flush=True)
+                late = 0.0
                 continue
-            frame, (_, _, kind, *_) = key.fileobj.recvfrom(FRAME)
-            if kind == socket.PACKET_OUTGOING or rng.random() < loss:
+            frame, is_outgoing, arrival = receive(key.fileobj)
+            if is_outgoing or rng.random() < loss:
                 continue
-            due = time.monotonic() + delay + spread * rng.uniform(-1.0, 1.0)
+            due = arrival + delay + spread * rng.uniform(-1.0, 1.0)
             heapq.heappush(under_way, (due, next(order), key.data, frame))
 
 
 if __name__ == '__main__':
+    with suppress(PermissionError):  # a link does not wait for a processor
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     forward(random.Random(int(sys.argv[1])), [open_interface(name) for name in sys.argv[2:4]])

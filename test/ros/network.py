@@ -63,6 +63,7 @@ class Link:
             f'nadrc-{os.getpid()}-{name}' for name in ('near', 'far', 'middle')
         ]
         self._forwarder: subprocess.Popen[str] | None = None
+        self.late = 0.0
         try:
             self._make()
             self._start(seed)
@@ -94,13 +95,18 @@ class Link:
         self.set()
 
     def set(self, delay: float = 0.0, spread: float = 0.0, loss: float = 0.0) -> float:
-        """Delay each frame by ``delay`` +- ``spread`` [s] or lose it; return since when."""
+        """
+        Delay each frame by ``delay`` +- ``spread`` [s] or lose it; return since when.
+
+        ``late`` is then how much later than due the latest frame before that was sent [s].
+        """
         assert self._forwarder and self._forwarder.stdin and self._forwarder.stdout
         with suppress(BrokenPipeError):
             self._forwarder.stdin.write(f'{delay} {spread} {loss}\n')
             self._forwarder.stdin.flush()
         if answer := self._forwarder.stdout.readline():
-            return float(answer)
+            since, self.late = map(float, answer.split())
+            return since
         raise Refused(self._forwarder.communicate()[1].strip().rpartition('\n')[2])
 
     def inside(self, name: str, *command: str) -> list[str]:
