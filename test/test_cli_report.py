@@ -79,7 +79,7 @@ def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) 
     append_parameters(run, 1.5, '/mine/controller', {'inner_bandwidth': 55.5})
     page = report(run)
     metrics = json.loads((run / SUMMARY).read_text())['metrics']
-    for name in ('itae', 'isu', 'iae', 'rmse', 'max_error', 'peak_error', 'total_variation'):
+    for name in ('itae', 'isu', 'iae', 'rmse', 'max_error', 'max_command'):
         assert f'title="{metrics[name]!r}">{metrics[name]:.4g}<' in page.source, name
     sections = [attrs['id'] for tag, attrs in page.tags if tag == 'h2']
     links = [(attrs['href'] or '')[1:] for tag, attrs in page.tags if tag == 'a']

@@ -30,6 +30,7 @@ def test_closed_forms_of_a_decaying_error() -> None:
     assert values.rmse == pytest.approx((values.ise / 20.0) ** 0.5)
     assert values.max_error == 1.0
     assert values.peak_error == pytest.approx(exp(-2.0))
+    assert values.max_command == 2.0
     assert values.total_variation == 0.0
     assert values.samples == 200_000
     assert values.skipped == 0
@@ -55,6 +56,7 @@ def test_the_effort_of_a_held_command_is_exact() -> None:
         found.add(0.5 * k, 0.5, 0.0, u)
     assert found.values().isu == 0.5 * (1 + 4 + 16)
     assert found.values().total_variation == 9.0
+    assert found.values().max_command == 4.0
 
 
 @given(st.lists(SAMPLE, max_size=30))
@@ -78,6 +80,7 @@ def test_streaming_equals_batch(samples: list[tuple[float, float, float, float, 
         'itse': (h * t * e**2).sum(),
         'max_error': abs(e).max(initial=0.0),
         'peak_error': late.max(initial=0.0),
+        'max_command': abs(u).max(initial=0.0),
         'total_variation': abs(np.diff(u)).sum(),
         'samples': len(samples),
         'skipped': 0,

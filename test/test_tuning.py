@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from math import log
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -195,6 +196,26 @@ def test_a_negative_b0_can_vary(tmp_path: Path) -> None:
 def test_a_design_within_the_peak_runs_as_if_there_were_none() -> None:
     values = {'inner_bandwidth': 8.0}
     assert judge(peak=50.0).score(values) == judge().score(values)
+
+
+def test_a_command_at_a_limit_of_the_scenario_is_within_a_peak_beyond_it() -> None:
+    one = judge(peak=5.0)
+    one.settings = attrs.evolve(one.settings, command_max=0.5)
+    score = one.score({'inner_bandwidth': 8.0})
+    assert score.figures is not None and not score.violations
+
+
+def test_a_peak_is_graded_by_the_largest_command_in_the_unit_of_the_plant() -> None:
+    values = {'inner_bandwidth': 8.0}
+    corner = judge().corners[0]
+    largest = run_metrics(corner.experiment, designed(judge().settings, values), 1001).max_command
+    score = judge(seeds=1, peak=largest / 2.0).score(values)
+    assert score.violations == {'peak': pytest.approx(log(2.0))}
+    half = judge(seeds=1, peak=largest / 2.0, b0_spread=[0.5, 1.0]).score(values)
+    assert log(2.0) < half.violations['peak'] < log(8.0)  # half the plant asks for more command
+    safe = judge(peak=0.5)
+    safe.settings = attrs.evolve(safe.settings, safe_command=1.0)
+    assert safe.score(values).violations.keys() == {'peak'}
 
 
 def test_what_the_law_refuses_is_not_run() -> None:

@@ -13,6 +13,7 @@ ROWS = (
     ('rmse', 'RMSE', 'root mean square of e'),
     ('max_error', 'max |e|', 'largest error'),
     ('peak_error', 'peak |e|', f'largest error from {SETTLE_TIME:g} s on'),
+    ('max_command', 'max |u|', 'largest command'),
     ('total_variation', 'TV', 'total variation of u'),
     ('saturated_fraction', 'saturated', 'share of the time'),
 )

@@ -23,13 +23,14 @@ ISE = 3
 ITSE = 4
 MAX_ERROR = 5
 PEAK_ERROR = 6
-TOTAL_VARIATION = 7
-SATURATED = 8
-DURATION = 9
-SAMPLES = 10
-SKIPPED = 11
-LAST_COMMAND = 12
-SIZE = 13
+MAX_COMMAND = 7
+TOTAL_VARIATION = 8
+SATURATED = 9
+DURATION = 10
+SAMPLES = 11
+SKIPPED = 12
+LAST_COMMAND = 13
+SIZE = 14
 
 SETTLE_TIME = 2.0
 
@@ -57,6 +58,8 @@ class MetricValues:
         Largest |e| [unit of e].
     peak_error
         Largest |e| at or after the settle time [unit of e], 0 if there was no sample so late.
+    max_command
+        Largest |u| [unit of u].
     total_variation
         Sum of |u_k - u_{k-1}| [unit of u].
     saturated_fraction
@@ -78,6 +81,7 @@ class MetricValues:
     rmse: float
     max_error: float
     peak_error: float
+    max_command: float
     total_variation: float
     saturated_fraction: float
     samples: int
@@ -142,6 +146,8 @@ def accumulate(
         acc[MAX_ERROR] = size
     if t >= SETTLE_TIME and size > acc[PEAK_ERROR]:
         acc[PEAK_ERROR] = size
+    if abs(command) > acc[MAX_COMMAND]:
+        acc[MAX_COMMAND] = abs(command)
 
 
 def metric_values(acc: Vector) -> MetricValues:
@@ -157,6 +163,7 @@ def metric_values(acc: Vector) -> MetricValues:
         rmse=sqrt(acc[ISE] / duration) if held else 0.0,
         max_error=float(acc[MAX_ERROR]),
         peak_error=float(acc[PEAK_ERROR]),
+        max_command=float(acc[MAX_COMMAND]),
         total_variation=float(acc[TOTAL_VARIATION]),
         saturated_fraction=float(acc[SATURATED] / duration) if held else 0.0,
         samples=int(acc[SAMPLES]),

@@ -168,28 +168,21 @@ class Judge:
     def _runs(
         self, settings: ControllerSettings, seeds: Sequence[int], corner: Corner
     ) -> list[RunMetrics]:
-        scaled = with_gain(self._clamped(settings), corner.gain)
+        scaled = with_gain(settings, corner.gain)
         with blame(self.scenario.plant.file):
             found = [run_metrics(corner.experiment, scaled, s, self.compiled) for s in seeds]
-        return [attrs.evolve(run, isu=run.isu / corner.gain**2) for run in found]
-
-    def _clamped(self, settings: ControllerSettings) -> ControllerSettings:
-        """Return the settings with the peak as limits: a design within it never touches them."""
-        peak = self.tuning.peak
-        if not peak:
-            return settings
-        return attrs.evolve(
-            settings,
-            command_min=max(settings.command_min, -peak),
-            command_max=min(settings.command_max, peak),
-        )
+        gain = corner.gain
+        return [
+            attrs.evolve(run, isu=run.isu / gain**2, max_command=run.max_command / gain)
+            for run in found
+        ]
 
     def _violated(self, runs: Sequence[Sequence[RunMetrics]]) -> dict[str, float]:
         every = [run for found in runs for run in found]
         if any(run.skipped for run in every):
             return {'stability': NEVER}
-        touched = max(run.saturated_fraction for run in every)
-        return {'peak': touched} if self.tuning.peak and touched > 0.0 else {}
+        peak, largest = self.tuning.peak, max(run.max_command for run in every)
+        return {'peak': log(largest / peak)} if 0.0 < peak < largest else {}
 
     def _over_budget(self, figures: Figures) -> dict[str, float]:
         budget = self.tuning.budget

@@ -87,7 +87,7 @@ class TuneSettings:
     delay_margin: float = number(1.0, 0.0, 1e6, 'periods', 'least delay that destabilises')
     largest_wh: float = number(LARGEST_W_H, 1e-6, 10.0, '', 'largest bandwidth times period')
     peak: float = number(
-        0.0, 0.0, 1e9, 'command unit', 'largest |command|; 0 = the limits of the scenario'
+        0.0, 0.0, 1e9, 'command unit', 'largest |command|; 0 = that of the limits alone'
     )
     vary: dict[str, Any] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
     plant: dict[str, Range] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
