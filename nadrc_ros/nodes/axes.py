@@ -5,13 +5,12 @@ from __future__ import annotations
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 import re
-import sys
 
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.nodes.node_arguments import IN_A_NAME, NAME
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-NAME = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]*')
 # What gives the namespace; of several rules the first one counts.
 NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
 # What one timer, and one way to be triggered, leave no choice in.
@@ -54,16 +53,15 @@ def axes_asked(arguments: Sequence[str]) -> list[str]:
     names: list[str] = parser.parse_args(remove_ros_args(list(arguments))[1:]).axes
     for name in names:
         if not NAME.fullmatch(name):
-            allowed = 'letters, digits and single _, and no digit first'
-            raise UserError(f'the axis {name!r} has no name to make a namespace of: {allowed}')
+            raise UserError(f'the axis {name!r} has no name to make a namespace of: {IN_A_NAME}')
         if names.count(name) > 1:
             raise UserError(f'the axis {name!r} is there twice')
     return names
 
 
-def axis_namespace(name: str, arguments: Sequence[str] = ()) -> str:
+def axis_namespace(name: str, arguments: Sequence[str]) -> str:
     """Return the namespace of an axis, inside the one that the command line gives."""
-    rules = filter(None, map(NAMESPACE_RULE.fullmatch, arguments or sys.argv))
+    rules = filter(None, map(NAMESPACE_RULE.fullmatch, arguments))
     base = next((rule[1] for rule in rules), '/')
     return f'{base.rstrip("/")}/{name}'
 

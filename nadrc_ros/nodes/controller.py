@@ -71,17 +71,15 @@ class ControllerNode(LiveNode):
     next sample's time step spans the gap. The command is sent before anything else is done with
     it.
 
-    Parameters
-    ----------
-    namespace
-        Of an axis, in a process with several.
-    first
-        The first of several axes: the others are ticked by its timers.
-
     """
 
-    def __init__(self, namespace: str = '', first: ControllerNode | None = None) -> None:
-        super().__init__('controller', namespace)
+    default_name = 'controller'
+    # Of several axes the first one, whose timers tick this one too.
+    first: ControllerNode | None = None
+
+    def set_up(self) -> None:
+        """Declare the parameters and join the graph."""
+        first = self.first
         loop = ParameterGroup(
             self, declared(LoopSettings), lambda values: build(LoopSettings, values)
         ).value
@@ -353,7 +351,15 @@ class ControllerNode(LiveNode):
             )
 
 
-def make_axes() -> list[ControllerNode]:
+class Axis(ControllerNode):
+    """An axis that the timers of the first one tick, too."""
+
+    def __init__(self, first: ControllerNode, **where: Any) -> None:
+        self.first = first
+        super().__init__(**where)
+
+
+def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
     """
     Make one controller, or one for each axis that the command line names.
 
@@ -364,19 +370,23 @@ def make_axes() -> list[ControllerNode]:
 
     """
     nodes: list[ControllerNode] = []
-    for name in axes_asked(sys.argv):
+    for name in axes_asked(arguments):
+        where: dict[str, Any] = {
+            'namespace': axis_namespace(name, arguments),
+            'arguments': arguments,
+        }
         try:
-            nodes.append(ControllerNode(axis_namespace(name), nodes[0] if nodes else None))
+            nodes.append(Axis(nodes[0], **where) if nodes else ControllerNode(**where))
         except BAD_START as error:
             for node in nodes:
                 node.discard()
             raise UserError(f'axis {name}: {error}') from error
-    return nodes or [ControllerNode()]
+    return nodes or [ControllerNode(arguments=arguments)]
 
 
 def main() -> int:
     """Run the controllers of one axis or more."""
-    return run(make_axes)
+    return run(lambda: make_axes(sys.argv))
 
 
 if __name__ == '__main__':

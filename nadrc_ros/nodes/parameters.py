@@ -18,6 +18,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -66,10 +67,7 @@ class ParameterGroup(Generic[T]):
     ) -> None:
         self._make = make
         self._on_change = on_change
-        self._values = {
-            name: node.declare_parameter(name, _default(field), _describe(field)).value
-            for name, field in fields.items()
-        }
+        self._values = {name: _declare(node, name, field) for name, field in fields.items()}
         self.value: T = make(dict(self._values))
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._commit)
@@ -237,6 +235,18 @@ def _known(node: Node, name: str) -> str:
     close = get_close_matches(name, known, n=1)
     hint = f'{close[0]}, perhaps' if close else 'one of ' + ', '.join(known)
     return f'a parameter of {node.get_name()}: {hint}'
+
+
+def _declare(node: Node, name: str, field: Declared) -> Any:
+    """Declare a parameter and return its value; rclpy's own refusal does not say what may be."""
+    try:
+        return node.declare_parameter(name, _default(field), _describe(field)).value
+    except (InvalidParameterTypeException, InvalidParameterValueException):
+        given = node._parameter_overrides[name]
+        allowed = field.allowed()
+        if field.kind == 'number' and given.type_ == Parameter.Type.INTEGER:
+            allowed += f', written with a decimal point: {float(given.value)!r}'
+        raise SettingError(name, given.value, allowed) from None
 
 
 def _default(field: Declared) -> Any:

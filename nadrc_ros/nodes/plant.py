@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite, nan
+import sys
 import time
 from typing import Any
 
@@ -80,8 +81,10 @@ class PlantNode(LiveNode):
     missed pass all the same, without a sample: no plant waits for a busy machine.
     """
 
-    def __init__(self) -> None:
-        super().__init__('plant')
+    default_name = 'plant'
+
+    def set_up(self) -> None:
+        """Declare the parameters and join the graph."""
         self._group = ParameterGroup(self, declared(PlantSettings), self._settings)
         settings = self._group.value
         self._plants = ParameterGroup(
@@ -318,7 +321,7 @@ def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def main() -> int:
     """Run the plant node."""
-    return run(PlantNode)
+    return run(lambda: PlantNode(arguments=sys.argv))
 
 
 if __name__ == '__main__':

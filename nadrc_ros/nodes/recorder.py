@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime, timezone
 from math import isnan, nan
 from pathlib import Path
+import sys
 import time
 from typing import Any
 
@@ -89,8 +90,10 @@ class RecorderNode(LiveNode):
     the rest. When measurement and command left their publishers is recorded too, but in lockstep.
     """
 
-    def __init__(self) -> None:
-        super().__init__('recorder')
+    default_name = 'recorder'
+
+    def set_up(self) -> None:
+        """Declare the parameters and join the graph."""
         self.settings = ParameterGroup(
             self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
         ).value
@@ -328,7 +331,7 @@ class RecorderNode(LiveNode):
 
 def main() -> int:
     """Run the recorder node."""
-    return run(RecorderNode)
+    return run(lambda: RecorderNode(arguments=sys.argv))
 
 
 if __name__ == '__main__':

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import sys
 from typing import Any
 
 import attrs
@@ -33,8 +34,10 @@ class ReferenceSettings:
 class ReferenceNode(LiveNode):
     """Sends r, r', r'' at t_k = k / rate; r(0) until the first ``command``."""
 
-    def __init__(self) -> None:
-        super().__init__('reference')
+    default_name = 'reference'
+
+    def set_up(self) -> None:
+        """Declare the parameters and join the graph."""
         self._signal = ParameterGroup(
             self, declared(ReferenceSettings) | signal_fields(), _make_signal
         )
@@ -92,7 +95,7 @@ def _make_signal(values: dict[str, Any]) -> Signal:
 
 def main() -> int:
     """Run the reference node."""
-    return run(ReferenceNode)
+    return run(lambda: ReferenceNode(arguments=sys.argv))
 
 
 if __name__ == '__main__':

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 import gc
 import os
@@ -10,10 +10,11 @@ import signal
 import sys
 import time
 import traceback
-from typing import Any
+from typing import Any, ClassVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.nodes.node_arguments import overrides, own_rules
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameters import (
     name_odd_type,
@@ -24,6 +25,7 @@ from nadrc_ros.nodes.parameters import (
 )
 import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
 from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
@@ -50,27 +52,65 @@ class LiveNode(Node):
     """
     A node that can finish by itself, fail with a message, and stop in an orderly way.
 
+    Any number of them may share a process and an executor; a constructor touches nothing that
+    belongs to the process, and one that raises leaves nothing behind.
+
     Parameters
     ----------
-    name
-        Its name.
-    namespace
-        Goes before the one that the command line gives, as in a process with several such nodes.
+    parameters
+        Values at the start, by name; a wrong one is refused as one in a parameter file is.
+    namespace, node_name
+        Where it is on the graph, if not in ``/`` and under its usual name.
+    context
+        Of the ROS context, the default one where it is None.
+    remappings
+        Names of topics and services to use instead of its own ones.
+    arguments
+        The command line of the process, where a parameter file in it has to be for this node.
+        What else it says is known to the context; what is given here wins over it.
+
+    Raises
+    ------
+    SettingError
+        For a parameter or a name that is refused.
 
     """
 
-    def __init__(self, name: str, namespace: str = '') -> None:
-        own = ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else None
-        super().__init__(name, cli_args=own)
-        refuse_unheard(self, sys.argv, is_axis=bool(namespace))
-        self.pacing = ParameterGroup(
-            self, declared(PacingSettings), lambda values: build(PacingSettings, values)
-        ).value
-        self.scheduling = 'not asked for'
-        self.finished = False
-        self.failure = ''
-        self.told_to_stop = False
-        refuse_unknown_types(self)
+    default_name: ClassVar[str]
+
+    def __init__(
+        self,
+        *,
+        parameters: Mapping[str, Any] | None = None,
+        namespace: str = '',
+        node_name: str = '',
+        context: Context | None = None,
+        remappings: Mapping[str, str] | None = None,
+        arguments: Sequence[str] = (),
+    ) -> None:
+        super().__init__(
+            self.default_name,
+            context=context,
+            cli_args=own_rules(namespace, node_name, remappings or {}),
+            parameter_overrides=overrides(parameters or {}),
+        )
+        try:
+            refuse_unheard(self, arguments, is_axis=bool(namespace))
+            self.pacing = ParameterGroup(
+                self, declared(PacingSettings), lambda values: build(PacingSettings, values)
+            ).value
+            self.scheduling = 'not asked for'
+            self.finished = False
+            self.failure = ''
+            self.told_to_stop = False
+            refuse_unknown_types(self)
+            self.set_up()
+        except BaseException:
+            self.destroy_node()
+            raise
+
+    def set_up(self) -> None:
+        """Declare the other parameters and make all that the node consists of, files last."""
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> Any:
         """Set all or none; what is refused is always named."""
@@ -101,13 +141,13 @@ class LiveNode(Node):
         """Wait, but not for longer, until what ``close`` sent has arrived."""
 
 
-def make_executor() -> Executor:
+def make_executor(context: Context | None = None) -> Executor:
     """Return the executor with the least latency and load that this rclpy has."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
-        return SingleThreadedExecutor()
-    return EventsExecutor()
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
 
 
 def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> None:

@@ -23,10 +23,15 @@ from rclpy.utilities import remove_ros_args
 class Observer(LiveNode):
     """Listens to what its topics and /diagnostics say, and writes it down."""
 
+    default_name = 'observer'
+
     def __init__(self, file: TextIO, topics: list[str]) -> None:
-        super().__init__('observer')
         self._file = file
-        for topic in topics:
+        self._topics = topics
+        super().__init__(arguments=sys.argv)
+
+    def set_up(self) -> None:
+        for topic in self._topics:
             receive(self, topic, self._taker(topic), RECORD)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_report, 100)
 

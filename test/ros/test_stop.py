@@ -57,6 +57,8 @@ import time
 from nadrc_ros.nodes import runtime
 
 class Slow(runtime.LiveNode):
+    default_name = 'slow'
+
     def destroy_node(self):
         time.sleep(0.03)
         super().destroy_node()
@@ -64,13 +66,15 @@ class Slow(runtime.LiveNode):
 
 runtime.END_TIME = {time}
 runtime.TEAR_DOWN_TIME = 20.0
-raise SystemExit(runtime.run(lambda: [Slow(f'n{{i}}') for i in range(12)]))
+raise SystemExit(runtime.run(lambda: [Slow(node_name=f'n{{i}}') for i in range(12)]))
 """
 LASTING = """
 import time
 from nadrc_ros.nodes import runtime
 
 class Lasting(runtime.LiveNode):
+    default_name = 'lasting'
+
     def close(self):
         self.closed = time.monotonic()
 
@@ -78,7 +82,7 @@ class Lasting(runtime.LiveNode):
         print('lasted', time.monotonic() - self.closed, flush=True)
         super().destroy_node()
 
-raise SystemExit(runtime.run(lambda: Lasting('lasting')))
+raise SystemExit(runtime.run(Lasting))
 """
 # Slack for a machine that has other things to do; promised is 1 s.
 SLACK = 3.0
