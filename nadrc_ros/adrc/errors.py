@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class UserError(ValueError):
     """Something a user can mend; the message is one sentence and says what."""
@@ -28,3 +31,12 @@ class SettingError(UserError):
     def inside(self, path: str) -> SettingError:
         """Return the same error with ``name`` placed below ``path``."""
         return SettingError(f'{path}.{self.name}' if path else self.name, self.value, self.allowed)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the question for the known name that is nearly ``name``, else what there is."""
+    names = {each.lower(): each for each in known}
+    near = get_close_matches(name.lower(), names, n=1, cutoff=0.5)
+    if near:
+        return f'did you mean {names[near[0]]}?'
+    return 'there are ' + (', '.join(names.values()) or 'none')
