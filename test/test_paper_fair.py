@@ -23,8 +23,8 @@ from nadrc_ros.paper.candidates import (
 from nadrc_ros.paper.drawing import render
 from nadrc_ros.paper.section import Result
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.scenario.yaml_text import read_yaml
 from nadrc_ros.simulation.many import simulate_many
+from nadrc_ros.yaml_text import read_yaml
 import pytest
 
 SEEDS = 2

@@ -142,8 +142,8 @@ def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
 def _tuning(given: dict[str, Any], file: Optional[Path]) -> TuneSettings:
     from nadrc_ros.adrc.errors import SettingError
     from nadrc_ros.scenario.files import read_text
-    from nadrc_ros.scenario.yaml_text import read_yaml
     from nadrc_ros.tuning.search.settings import settings_from
+    from nadrc_ros.yaml_text import read_yaml
 
     for key in ('vary', 'plant'):
         if key in given:

@@ -88,7 +88,6 @@ class ControllerNode(LiveNode):
         settings = ParameterGroup(
             self, declared(ControllerSettings), self._settings, self._retune
         ).value
-        refuse_unknown(self)
         self.controller = Controller(settings, enabled=loop.enabled_at_start)
         derivatives = reference_topics(settings)[1:]
         self._reference: list[float | None] = [None] * (1 + len(derivatives))
@@ -131,6 +130,8 @@ class ControllerNode(LiveNode):
         self._steps = 0
         self._look: Beat = first._look if first else Beat(self, 1.0 / LOOK, steady=True)
         self._look.listeners.append(self._estimates.look)
+        axes = {axis_namespace(name, self.arguments) for name in axes_asked(self.arguments)}
+        refuse_unknown(self, axes - {self.get_namespace()})
         # Last, as a node that fails to start should leave no file behind.
         self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
         self.diagnostics = Diagnostics(self, self._report)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from itertools import pairwise
-import re
 from typing import Any, Generic, TypeVar
 
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import Declared
-from nadrc_ros.nodes.axes import axes_asked, axis_namespace
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -33,7 +30,8 @@ _TYPES = {
     'flag': Parameter.Type.BOOL,
 }
 # Parameters that rclpy itself brings to every node.
-_FOREIGN = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
+_QOS = 'qos_overrides.'
+_FOREIGN = ('use_sim_time', _QOS, 'start_type_description_service')
 
 
 class ParameterGroup(Generic[T]):
@@ -147,9 +145,12 @@ def _with_known_types(callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any
     return call
 
 
-def refuse_unknown(node: Node) -> None:
+def refuse_unknown(node: Node, elsewhere: Iterable[str] = ()) -> None:
     """
     Refuse a parameter that was given at start but that the node does not have.
+
+    To be called when the topics are there, as each brings the parameters of its QoS. Those of
+    topics in the namespaces ``elsewhere`` are for other nodes of the process.
 
     Raises
     ------
@@ -157,84 +158,18 @@ def refuse_unknown(node: Node) -> None:
         Names the parameter and the closest known one: a misspelt limit must not go unnoticed.
 
     """
+    passed = _FOREIGN[0], _FOREIGN[2], *(f'{_QOS}{space}/' for space in elsewhere)
     for name, parameter in node._parameter_overrides.items():
-        if not node.has_parameter(name) and not name.startswith(_FOREIGN):
+        if not node.has_parameter(name) and not name.startswith(passed):
             raise SettingError(name, parameter.value, _known(node, name))
 
 
-def refuse_unheard(node: Node, arguments: Sequence[str], *, is_axis: bool) -> None:
-    """
-    Refuse a parameter file that is for nodes of this name, but for none of this process.
-
-    Of several axes none may be left out where others are meant, if there is nothing for ``/**``.
-
-    ROS passes over what is for other nodes, so that a controller in another namespace than its
-    file says would run with the default limits. What the file has for ``/**`` does not count: it
-    may be the clock alone.
-
-    Raises
-    ------
-    UserError
-        Names the file, the node, and those that the file is for.
-
-    """
-    files = [path for flag, path in pairwise(arguments) if flag == '--params-file']
-    if not files:
-        return
-    import yaml
-
-    name, full = node.get_name(), node.get_fully_qualified_name()
-    here = [full]
-    if is_axis:
-        here = [f'{axis_namespace(axis, arguments)}/{name}' for axis in axes_asked(arguments)]
-        if full != here[0]:  # the first axis has looked for all
-            return
-    found: list[str] = []
-    for file in files:
-        with open(file, encoding='utf-8') as stream:
-            keys = list(_node_keys(yaml.safe_load(stream)))
-        own = _named(name, keys)
-        if own and not any(_means(key, each) for key in own for each in here):
-            raise _unheard(file, own, full)
-        found += keys
-    own = _named(name, found)
-    for each in here if own else []:
-        if not any(_means(key, each) for key in found):
-            raise _unheard(', '.join(files), own, each)
-
-
-def _named(name: str, keys: Sequence[str]) -> list[str]:
-    return [key for key in keys if key.rpartition('/')[2] == name]
-
-
-def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
-    return UserError(
-        f'{files}: parameters of {", ".join(keys)} and none of {full}; '
-        f'for any namespace name them /**/{full.rpartition("/")[2]}'
-    )
-
-
-def _node_keys(tree: Any, namespace: str = '') -> Iterator[str]:
-    """Give the nodes or patterns of a parameter file with their namespaces."""
-    for key, value in tree.items() if isinstance(tree, dict) else ():
-        if key == 'ros__parameters':
-            yield namespace
-        else:
-            yield from _node_keys(value, f'{namespace}/{str(key).strip("/")}')
-
-
-def _means(key: str, full: str) -> bool:
-    """Tell whether a node is meant: * stands for one part of a name, ** for any number."""
-    parts = {'*': r'/\w+', '**': r'(/\w+)*'}
-    pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in key.split('/')[1:])
-    return re.fullmatch(pattern, full) is not None
-
-
 def _known(node: Node, name: str) -> str:
-    known = sorted(name for name in node._parameters if not name.startswith(_FOREIGN))
+    qos = name.startswith(_QOS)
+    known = sorted(n for n in node._parameters if n.startswith(_QOS if qos else _FOREIGN) == qos)
     close = get_close_matches(name, known, n=1)
     hint = f'{close[0]}, perhaps' if close else 'one of ' + ', '.join(known)
-    return f'a parameter of {node.get_name()}: {hint}'
+    return f'a parameter of {node.get_name()}: {hint}' if known else 'left out'
 
 
 def _declare(node: Node, name: str, field: Declared) -> Any:

@@ -109,7 +109,6 @@ class PlantNode(LiveNode):
             self._make_faults,
             lambda changed: self.process.inject(changed),  # noqa: PLW0108 there is none yet
         ).value
-        refuse_unknown(self)
         state = settings.initial_state
         if len(state) not in (1, plant.states):
             raise SettingError('initial_state', state, f'a list of 1 or {plant.states} entries')
@@ -140,6 +139,7 @@ class PlantNode(LiveNode):
             self._truth = Sender(self, '~/total_disturbance')
             receive(self, 'command', self._on_command)
             self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
+        refuse_unknown(self)
         self.diagnostics = Diagnostics(self, self._report)
 
     def _settings(self, values: dict[str, Any]) -> PlantSettings:

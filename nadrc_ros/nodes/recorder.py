@@ -97,7 +97,6 @@ class RecorderNode(LiveNode):
         self.settings = ParameterGroup(
             self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
         ).value
-        refuse_unknown(self)
         self._run = RunSettings(
             rate=self.pacing.rate,
             **{name: getattr(self.settings, name) for name in declared(FigureSettings)},
@@ -125,6 +124,7 @@ class RecorderNode(LiveNode):
         self.create_timer(FLUSH, self._on_flush, clock=steady)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(Trigger, '~/save', self._on_save)
+        refuse_unknown(self)
         self._open_run()  # last, as a node that fails to start should leave no folder behind
         self.diagnostics = Diagnostics(self, self._report)
 

@@ -41,7 +41,6 @@ class ReferenceNode(LiveNode):
         self._signal = ParameterGroup(
             self, declared(ReferenceSettings) | signal_fields(), _make_signal
         )
-        refuse_unknown(self)
         self._started = self.get_parameter('start').value == 'at_once'
         self.k = 0
         self.lockstep: Lockstep | None = None
@@ -53,6 +52,7 @@ class ReferenceNode(LiveNode):
             self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
             receive(self, 'command', lambda value, info: self._start())
             self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
+        refuse_unknown(self)
         self.diagnostics = Diagnostics(self, self._report)
 
     def _start(self) -> None:

@@ -16,10 +16,10 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.nodes.node_arguments import overrides, own_rules
 from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
 from nadrc_ros.nodes.parameters import (
     name_odd_type,
     ParameterGroup,
-    refuse_unheard,
     refuse_unknown_types,
     refuse_unsettable,
 )
@@ -94,8 +94,9 @@ class LiveNode(Node):
             cli_args=own_rules(namespace, node_name, remappings or {}),
             parameter_overrides=overrides(parameters or {}),
         )
+        self.arguments = arguments
         try:
-            refuse_unheard(self, arguments, is_axis=bool(namespace))
+            refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))
             self.pacing = ParameterGroup(
                 self, declared(PacingSettings), lambda values: build(PacingSettings, values)
             ).value
@@ -229,6 +230,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     for number in stop_signals():
         signal.signal(number, on_signal)
     try:
+        refuse_malformed(sys.argv)
         init_ros()
         made = make()
         nodes += [made] if isinstance(made, LiveNode) else made

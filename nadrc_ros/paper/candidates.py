@@ -13,7 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import find_scenario, load, Scenario
-from nadrc_ros.scenario.yaml_text import read_yaml, write_yaml
+from nadrc_ros.yaml_text import read_yaml, write_yaml
 
 SCENARIO = 'paper_fair'
 # Integral of u^2 over the noisy run that a design may spend, on average over seeds.

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.mapping import from_mapping, to_mapping
 from nadrc_ros.scenario.scenario import Scenario
-from nadrc_ros.scenario.yaml_text import read_yaml, write_yaml
+from nadrc_ros.yaml_text import read_yaml, write_yaml
 
 PACKAGE = 'nadrc_ros'
 
@@ -36,7 +37,10 @@ def loads(text: str, base_dir: str | Path = '.') -> Scenario:
         What is wrong, in one sentence.
 
     """
-    data = read_yaml(text)
+    try:
+        data = read_yaml(text)
+    except UserError as error:
+        raise ScenarioError(str(error)) from None
     if data is None:
         raise ScenarioError('there is nothing in it: a scenario needs plant and controllers')
     if not isinstance(data, dict):

@@ -10,7 +10,9 @@ from nadrc_ros.adrc.settings import ControllerSettings
 import yaml
 
 Parameters = dict[str, Any]
-# As a node's key in a parameter file: the controller node in whatever namespace it is.
+# As a node's key in a parameter file: the controller node in whatever namespace it is. A plain
+# /** would follow a node that is renamed, but be for plant and recorder too, which refuse it; a
+# renamed controller refuses this key and says what to write.
 ANY_CONTROLLER = '/**/controller'
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from nadrc_ros.nodes.runtime import init_ros, LiveNode, make_executor, spin_for
 from nadrc_ros.nodes.topics import receive, RECORD, SEND
-from nadrc_ros.scenario.yaml_text import write_yaml
+from nadrc_ros.yaml_text import write_yaml
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,

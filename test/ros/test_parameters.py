@@ -239,6 +239,26 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         ('recorder', {'inputs': 'reference command'}, ('inputs', 'measurement')),
         ('recorder', {'directory': '/proc/runs'}, ('/proc/runs',)),
         ('plant', {'pacing': 'lockstep'}, ('steps',)),
+        (
+            'controller',
+            {'qos_overrides./measurment.subscription.reliability': 'reliable'},
+            ('qos_overrides./measurment.', '/measurement.subscription.reliability, perhaps'),
+        ),
+        (
+            'controller',
+            {'qos_overrides./measurement.subscription.durability': 'transient_local'},
+            ('qos_overrides./measurement.subscription.durability', 'subscription.reliability'),
+        ),
+        (
+            'recorder',
+            {'qos_overrides./command.publisher.depth': 3},
+            ('qos_overrides./command.publisher.depth', 'command.subscription.depth, perhaps'),
+        ),
+        (
+            'plant',
+            {'qos_overrides./command.x': 3, 'pacing': 'lockstep', 'steps': 9},
+            ('/command.x', 'left out'),
+        ),
     ],
 )
 def test_p13_a_bad_start_names_the_key_and_ends_with_1(

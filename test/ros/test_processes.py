@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from functools import partial
 from itertools import count
 from pathlib import Path
 import signal
 from typing import Any
 
-from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.diagnostics import ERROR
 from nadrc_ros.nodes.graph import node_parameters, NODES
-from nadrc_ros.nodes.parameters import refuse_unheard
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.scenario import loads
 from probe import parameter_file, Probe, Processes
@@ -159,57 +156,6 @@ def test_simulated_time_that_stands_still_is_an_error(make_probe: Callable[..., 
     probe.wait_until(running)
     probe.wait_until(standing)
     probe.wait_until(running)
-
-
-def test_p13_a_file_for_another_controller_is_refused(start: Processes, tmp_path: Path) -> None:
-    file = parameter_file(tmp_path / 'robot.yaml', {'/controller': {'command_max': 1.0}})
-    process = start('controller', file=file)
-    assert process.end() == 1
-    assert f'cannot start: {file}: parameters of /controller and none of ' in process.said
-    assert 'for any namespace name them /**/controller' in process.said
-    assert 'Traceback' not in process.said
-
-
-def test_p13_a_file_is_refused_that_is_only_for_others_of_this_name(
-    probe: Probe, tmp_path: Path
-) -> None:
-    for key, refused in {
-        '/probe': True,
-        'other/probe': True,
-        '/*/*/probe': True,
-        '/**': False,
-        '/**/probe': False,
-        '/*/probe': False,
-        '/controller': False,
-    }.items():
-        file = parameter_file(tmp_path / 'robot.yaml', {key: {'rate': 150.0}})
-        arguments = ['node', '--ros-args', '--params-file', str(file)]
-        with pytest.raises(UserError, match='and none of') if refused else nullcontext():
-            refuse_unheard(probe.node, arguments, is_axis=False)
-
-
-def test_p13_each_of_several_files_is_looked_at(start: Processes, tmp_path: Path) -> None:
-    common = parameter_file(tmp_path / 'common.yaml', {'/**': {'rate': 150.0}})
-    own = parameter_file(tmp_path / 'own.yaml', {'/controller': {'command_max': 1.0}})
-    process = start('controller', '--params-file', str(own), file=common)
-    assert process.end() == 1
-    assert f'cannot start: {own}: parameters of /controller and none of ' in process.said
-
-
-def test_p13_each_axis_is_meant_by_a_file_if_any_is(
-    probe: Probe, start: Processes, tmp_path: Path
-) -> None:
-    keys = [f'{start.namespace}/{axis}/controller' for axis in ('x', 'y', 'yy')]
-    x, y = (parameter_file(tmp_path / f'{i}.yaml', {keys[i]: {'rate': 100.0}}) for i in range(2))
-    axes = '--', '--axes', 'x', 'y'
-    process = start('controller', '--params-file', str(y), *axes, file=x)
-    probe.wait_until(lambda: probe.said('x/controller') and probe.said('y/controller'))
-    process.signal(signal.SIGINT)
-    assert probe.end_of(process) == 0
-    both = parameter_file(tmp_path / 'both.yaml', {keys[0]: {}, keys[2]: {'command_max': 1.0}})
-    process = start('controller', *axes, file=both)
-    assert process.end() == 1
-    assert f'{both}: parameters of {keys[0]}, {keys[2]} and none of {keys[1]}; ' in process.said
 
 
 def test_a_plant_of_ones_own_that_leaves_its_domain_is_told_and_goes_on(

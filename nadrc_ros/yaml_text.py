@@ -1,5 +1,5 @@
 """
-YAML as scenarios use it: PyYAML's safe subset, stricter in one way and wider in another.
+YAML as this package reads it: PyYAML's safe subset, stricter in one way and wider in another.
 
 A key that appears twice in a mapping is refused (YAML forbids it, PyYAML keeps the last), and
 ``1e-4`` is a number (YAML 1.1 wants ``1.0e-4`` and would read a string).
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.adrc.errors import UserError
 import yaml
 
 FLOAT_TAG = 'tag:yaml.org,2002:float'
@@ -29,7 +29,7 @@ class _Loader(yaml.SafeLoader):
                 continue
             line = key.start_mark.line + 1
             if key.value in lines:
-                raise ScenarioError(
+                raise UserError(
                     f'line {line}: the key {key.value!r} was given before, in line '
                     f'{lines[key.value]}'
                 )
@@ -39,7 +39,7 @@ class _Loader(yaml.SafeLoader):
     def construct_yaml_int(self, node: Any) -> int:
         value: int = super().construct_yaml_int(node)
         if abs(value) > LARGEST_INTEGER:
-            raise ScenarioError(f'line {node.start_mark.line + 1}: an integer is too large')
+            raise UserError(f'line {node.start_mark.line + 1}: an integer is too large')
         return value
 
 
@@ -61,20 +61,20 @@ def read_yaml(text: str) -> Any:
 
     Raises
     ------
-    ScenarioError
+    UserError
         Names line and column of what is not YAML.
 
     """
     try:
         return yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
-        raise ScenarioError(_explain(error)) from None
+        raise UserError(_explain(error)) from None
     except RecursionError:
-        raise ScenarioError('not YAML: it is nested too deeply') from None
+        raise UserError('not YAML: it is nested too deeply') from None
     except (yaml.YAMLError, ValueError) as error:
-        if isinstance(error, ScenarioError):
+        if isinstance(error, UserError):
             raise
-        raise ScenarioError('not YAML: ' + ' '.join(str(error).split())) from None
+        raise UserError('not YAML: ' + ' '.join(str(error).split())) from None
 
 
 def write_yaml(data: Any) -> str:

@@ -1,0 +1,154 @@
+"""Parameter files at the start: read before ROS does, and refused if they are for another node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+import re
+from typing import Any
+
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.nodes.axes import axes_asked, axis_namespace
+from rclpy.node import Node
+
+# The nodes of this package, which may share a file.
+OURS = {'controller', 'plant', 'reference', 'recorder'}
+VALUES = 'ros__parameters'
+# As the last part of a key these name no node.
+WILDCARDS = {'*', '**'}
+# What one argument says of one node: `node:parameter:=value`, `node:topic:=topic`.
+FLAGS = {'-p', '--param', '-r', '--remap'}
+FOR_A_NODE = re.compile(r'([\w/]+):[^/=:][^=:]*:=')
+
+
+def refuse_malformed(arguments: Sequence[str]) -> None:
+    """
+    Refuse a parameter file that is none, or that says something twice.
+
+    ROS takes the last of two equal keys, and says of the rest only that parsing failed.
+
+    Raises
+    ------
+    UserError
+        Names the file, and the line where there is one.
+
+    """
+    for file in _files(arguments):
+        _node_keys(file)
+
+
+def refuse_unheard(
+    node: Node, executable: str, arguments: Sequence[str], *, is_axis: bool
+) -> None:
+    """
+    Refuse what is given to this process, but for a node of another name or namespace.
+
+    ROS passes over that, and a controller would run with the default limits. A file may be for
+    other nodes of ours alone: one file often serves a whole loop. What it has for ``/**`` is no
+    excuse, as it may be the clock alone. Of several axes none may be left out where others are
+    meant, if there is nothing for ``/**``.
+
+    Parameters
+    ----------
+    node
+        Any of the process: their names differ in the namespace only.
+    executable
+        What the node is called unless it was renamed.
+    arguments
+        The command line.
+    is_axis
+        Whether there are several.
+
+    Raises
+    ------
+    UserError
+        Names the file or argument, whom it is for, and how to write it.
+
+    """
+    name, full = node.get_name(), node.get_fully_qualified_name()
+    for flag, rule in pairwise(arguments):
+        meant = FOR_A_NODE.match(rule) if flag in FLAGS else None
+        if meant and meant[1].rpartition('/')[2] not in {name, executable}:
+            raise UserError(f'{flag} {rule}: there is no {meant[1]} here, this is {full}')
+    here = [full]
+    if is_axis:
+        here = [f'{axis_namespace(axis, arguments)}/{name}' for axis in axes_asked(arguments)]
+        if full != here[0]:  # the first axis has looked for all
+            return
+    others = OURS - {name, executable}
+    found: list[str] = []
+    for file in _files(arguments):
+        keys = _node_keys(file)
+        meaning_us = [key for key in keys if any(_means(key, each) for each in here)]
+        found += keys
+        if any(_last(key) not in WILDCARDS for key in meaning_us):
+            continue
+        strange = [key for key in keys if key not in meaning_us and _last(key) not in others]
+        if strange or not keys:
+            raise _unheard(file, strange, full)
+        if not meaning_us:
+            node.get_logger().info(f'{file} has no parameters of {full}: it runs without them')
+    own = [key for key in found if _last(key) == name]
+    for each in here if own else []:
+        if not any(_means(key, each) for key in found):
+            raise _unheard(', '.join(_files(arguments)), own, each)
+
+
+def _files(arguments: Sequence[str]) -> list[str]:
+    return [path for flag, path in pairwise(arguments) if flag == '--params-file']
+
+
+def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
+    return UserError(
+        f'{files}: parameters of {", ".join(keys) or "no node"} and none of {full}; for any '
+        f'namespace name them /**/{_last(full)} (with {VALUES}: {{}} if there are none)'
+    )
+
+
+def _node_keys(file: str) -> list[str]:
+    """
+    Return the nodes or patterns of a parameter file with their namespaces.
+
+    Raises
+    ------
+    UserError
+        What is wrong with the file.
+
+    """
+    from nadrc_ros.yaml_text import read_yaml
+
+    try:
+        return list(_keys(read_yaml(Path(file).read_text(encoding='utf-8'))))
+    except OSError as error:
+        raise UserError(f'{file}: cannot be read: {error.strerror}') from None
+    except UnicodeDecodeError as error:
+        raise UserError(f'{file}: not UTF-8 text (byte {error.start})') from None
+    except UserError as error:
+        raise UserError(f'{file}: {error}') from None
+
+
+def _keys(tree: Any, namespace: str = '') -> Iterator[str]:
+    if tree is None and not namespace:
+        return
+    if not isinstance(tree, dict):
+        where = namespace or 'the file'
+        raise UserError(f'{where} has a value that is not below the key {VALUES} of a node')
+    for key, value in tree.items():
+        if key != VALUES:
+            yield from _keys(value, f'{namespace}/{str(key).strip("/")}')
+        elif isinstance(value, dict):
+            yield namespace
+        else:
+            raise UserError(f'{VALUES} of {namespace} must be a mapping of names to values')
+
+
+def _means(key: str, full: str) -> bool:
+    """Tell whether a node is meant: * stands for one part of a name, ** for any number."""
+    parts = {'*': r'/\w+', '**': r'(/\w+)*'}
+    pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in key.split('/')[1:])
+    return re.fullmatch(pattern, full) is not None
+
+
+def _last(name: str) -> str:
+    return name.rpartition('/')[2]

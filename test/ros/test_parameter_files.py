@@ -1,0 +1,154 @@
+"""Parameter files and arguments: those that are for nobody here are refused, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+from typing import Any
+
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
+from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER
+from probe import parameter_file, Probe, Processes
+import pytest
+
+LIMITED: dict[str, Any] = {'command_max': 1.0}
+
+
+def refusal(probe: Probe, *arguments: str, executable: str = 'probe') -> str:
+    """Return why arguments of a process are refused, nothing if they are not."""
+    command = ['node', '--ros-args', *arguments]
+    try:
+        refuse_malformed(command)
+        refuse_unheard(probe.node, executable, command, is_axis=False)
+    except UserError as error:
+        return str(error)
+    return ''
+
+
+def test_p13_a_file_for_another_controller_is_refused(start: Processes, tmp_path: Path) -> None:
+    file = parameter_file(tmp_path / 'robot.yaml', {'/controller': LIMITED})
+    process = start('controller', file=file)
+    assert process.end() == 1
+    assert f'cannot start: {file}: parameters of /controller and none of ' in process.said
+    assert 'for any namespace name them /**/controller' in process.said
+    assert len(process.own_lines) == 1, process.said
+
+
+@pytest.mark.parametrize(
+    ('keys', 'refused'),
+    [
+        (('/probe',), '/probe'),
+        (('other/probe',), '/other/probe'),
+        (('/*/*/probe',), '/*/*/probe'),
+        (('/**',), ''),
+        (('/**/probe',), ''),
+        (('/*/probe',), ''),
+        (('/controller',), ''),
+        (('/**/plant', '/**/controller', '/recorder', 'reference'), ''),
+        (('/**/prob',), '/**/prob'),  # one letter is missing
+        (('my_probe',), '/my_probe'),
+        (('/**/plant', '/**/prob'), '/**/prob'),
+        (('/**', '/**/prob'), '/**/prob'),
+        (('/**/probe', '/**/prob'), ''),  # that is for us, and the rest for whom it may be
+        (('/robot/**',), '/robot/**'),
+        ((), 'no node'),
+    ],
+)
+def test_p13_a_file_that_means_nobody_here_is_refused_unless_it_is_for_our_other_nodes(
+    keys: tuple[str, ...], refused: str, probe: Probe, tmp_path: Path
+) -> None:
+    file = parameter_file(tmp_path / 'robot.yaml', dict.fromkeys(keys, LIMITED))
+    full = probe.node.get_fully_qualified_name()
+    said = refusal(probe, '--params-file', str(file))
+    assert said.startswith(f'{file}: parameters of {refused} and none of {full}; ' * bool(refused))
+    assert ('name them /**/probe (with' in said) == bool(refused)
+
+
+def test_p13_a_renamed_node_is_told_what_to_write_in_a_file_of_our_tools(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    file = parameter_file(tmp_path / 'design.yaml', {ANY_CONTROLLER: LIMITED})
+    process = start('controller', '-r', '__node:=yaw', file=file)
+    assert process.end() == 1
+    assert f'parameters of {ANY_CONTROLLER} and none of {start.namespace}/yaw' in process.said
+    assert 'name them /**/yaw (' in process.said
+    file.write_text(file.read_text().replace(ANY_CONTROLLER, '/**/yaw'))
+    start('controller', '-r', '__node:=yaw', file=file)
+    assert probe.get('yaw', 'command_max') == [1.0]
+
+
+def test_p13_a_file_for_our_other_nodes_alone_is_no_secret(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    file = parameter_file(tmp_path / 'loop.yaml', {'/**/plant': {'rate': 100.0}})
+    process = start('controller', file=file)
+    said = f'{file} has no parameters of {start.namespace}/controller: it runs without them'
+    probe.wait_until(lambda: said in process.said)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'refused'),
+    [
+        (('-p', 'prob:b0:=2.0'), 'there is no prob here'),
+        (('--param', '/a/prob:b0:=2.0'), 'there is no /a/prob here'),
+        (('-r', 'prob:measurement:=state'), 'there is no prob here'),
+        (('-p', 'probe:b0:=2.0', '-r', 'probe:__ns:=/a'), ''),
+        (('-p', 'b0:=2.0', '-r', '__node:=probe', '-r', 'measurement:=/a/b'), ''),
+        (('-r', 'rostopic://measurement:=a', '-p', 'trace:=a:b:=c'), ''),
+    ],
+)
+def test_p13_an_argument_for_a_node_that_is_not_here_is_refused(
+    arguments: tuple[str, ...], refused: str, probe: Probe
+) -> None:
+    said = refusal(probe, *arguments)
+    assert refused in said and bool(said) == bool(refused)
+
+
+@pytest.mark.parametrize(
+    ('text', 'refused'),
+    [
+        ('a:\n ros__parameters:\n  b0: 1.0\n  b0: 2.0\n', "line 4: the key 'b0' was given before"),
+        ('a: {ros__parameters: {}}\na: {ros__parameters: {}}\n', "line 2: the key 'a' was given"),
+        ('a:\n ros__parameters:\n\tb0: 1.0\n', 'line 3, column 1: not YAML'),
+        ('a: {ros_parameters: {b0: 1.0}}', '/a/ros_parameters/b0 has a value that is not below'),
+        ('a:\n ros__parameters:\n', 'ros__parameters of /a must be a mapping'),
+        ('a: {ros__parameters: [1, 2]}', 'ros__parameters of /a must be a mapping'),
+        ('- a', 'the file has a value that is not below'),
+        (b'\xff', 'not UTF-8'),
+        (None, 'cannot be read: No such file'),
+    ],
+)
+def test_p13_a_file_that_is_no_parameter_file_is_refused_before_ros_reads_it(
+    text: str | bytes | None, refused: str, tmp_path: Path
+) -> None:
+    file = tmp_path / 'broken.yaml'
+    if text is not None:
+        file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(UserError) as caught:
+        refuse_malformed(['node', '--ros-args', '--params-file', str(file)])
+    assert str(caught.value).startswith(f'{file}: ') and refused in str(caught.value)
+
+
+def test_p13_each_of_several_files_is_looked_at(start: Processes, tmp_path: Path) -> None:
+    common = parameter_file(tmp_path / 'common.yaml', {'/**': {'rate': 150.0}})
+    own = parameter_file(tmp_path / 'own.yaml', {'/controller': LIMITED})
+    process = start('controller', '--params-file', str(own), file=common)
+    assert process.end() == 1
+    assert f'cannot start: {own}: parameters of /controller and none of ' in process.said
+
+
+def test_p13_each_axis_is_meant_by_a_file_if_any_is(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    keys = [f'{start.namespace}/{axis}/controller' for axis in ('x', 'y', 'yy')]
+    x, y = (parameter_file(tmp_path / f'{i}.yaml', {keys[i]: {'rate': 100.0}}) for i in range(2))
+    axes = '--', '--axes', 'x', 'y'
+    process = start('controller', '--params-file', str(y), *axes, file=x)
+    probe.wait_until(lambda: probe.said('x/controller') and probe.said('y/controller'))
+    process.signal(signal.SIGINT)
+    assert probe.end_of(process) == 0
+    both = parameter_file(tmp_path / 'both.yaml', {keys[0]: {}, keys[2]: LIMITED})
+    process = start('controller', *axes, file=both)
+    assert process.end() == 1
+    assert f'{both}: parameters of {keys[0]}, {keys[2]} and none of {keys[1]}; ' in process.said
