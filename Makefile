@@ -4,7 +4,7 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test soak bench docs lint build clean distclean
+.PHONY: help demo paper test test-paper soak bench docs lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
@@ -29,7 +29,7 @@ unexport ROS_LOCALHOST_ONLY ROS_STATIC_PEERS ROS_DISCOVERY_SERVER _ROS_WHEELS_BO
 unexport PYTHONDONTWRITEBYTECODE # every process would compile rclpy and NumPy anew, which takes seconds
 
 help: ## print this list
-	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
 
 demo: build ## run the nested controller against the plant on a live ROS graph (ARGS='--duration 4')
 	@$(ACTIVATE)
@@ -37,7 +37,11 @@ demo: build ## run the nested controller against the plant on a live ROS graph (
 
 paper: build $(VENV)/dev ## measure every claim of the paper, write the article to out/paper (ARGS='--quick')
 	@$(ACTIVATE)
-	install/nadrc_ros/lib/nadrc_ros/nadrc paper $(ARGS)
+	python -m paper $(ARGS)
+
+test-paper: build $(VENV)/dev ## run the tests of the reproduction of the paper
+	@$(ACTIVATE)
+	python -m pytest -n 2 --dist loadfile paper/test $(ARGS)
 
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
@@ -70,8 +74,8 @@ lint: $(VENV)/lint ## check style and types
 	set -x
 	ruff check .
 	ruff format --check .
-	mypy --strict nadrc_ros test
-	python -m ament_flake8.main --config setup.cfg nadrc_ros test setup.py
+	mypy --strict nadrc_ros paper test
+	python -m ament_flake8.main --config setup.cfg nadrc_ros paper test setup.py
 	python -m ament_pep257.main nadrc_ros
 
 clean: ## remove what was built (.venv stays; `make distclean` removes that too)

@@ -12,6 +12,8 @@ RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
 SITE = ['furo', 'myst-parser', 'sphinx']
 # The searches of `nadrc tune`: front, budget, swarm.
 TUNE = ['optuna>=5,<6', 'cmaes', 'pymoo']
+# The article of `make paper`.
+PAPER = ['jinja2', 'latex2mathml']
 NODES = ('controller', 'plant', 'reference', 'recorder')
 
 # colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
@@ -28,7 +30,7 @@ setup(
     maintainer_email='maintainers@users.noreply.example.org',
     python_requires='>=3.10',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'paper/designs.yaml', 'report/report.*']},
+    package_data={NAME: ['py.typed', 'report/report.*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -73,6 +75,7 @@ setup(
             'rosbags',
             'plotly',
             *TUNE,
+            *PAPER,
         ],
         'bench': RIVALS,
         'docs': SITE,

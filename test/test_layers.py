@@ -21,9 +21,8 @@ ARROWS = {
     'records': KEPT,
     'report': KEPT | {'report'},
     'tuning': KEPT | {'report', 'tuning'},
-    'paper': KEPT | {'report', 'paper'},
 }
-ABOVE_NODES = {'paper', 'tuning', 'report', 'cli'}
+ABOVE_NODES = {'tuning', 'report', 'cli'}
 IMPURE = {
     *('rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'diagnostic_msgs', 'ament_index_python'),
     *('time', 'datetime', 'logging', 'os', 'pathlib', 'io', 'sys', 'random', 'secrets', 'socket'),

@@ -12,7 +12,6 @@ from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.design import design
 from nadrc_ros.cli.failure import reporting
 from nadrc_ros.cli.identify import identify
-from nadrc_ros.cli.paper import paper
 from nadrc_ros.cli.report import report
 from nadrc_ros.cli.simulate import simulate
 from nadrc_ros.cli.summarise import summarise
@@ -21,7 +20,7 @@ from nadrc_ros.cli.tune import tune
 import typer
 from typer.core import TyperGroup
 
-COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise, paper)
+COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise)
 
 
 class _Commands(TyperGroup):

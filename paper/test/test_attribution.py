@@ -5,10 +5,10 @@ from __future__ import annotations
 from copy import deepcopy
 import json
 
-from nadrc_ros.paper import attribution
-from nadrc_ros.paper.drawing import render
-from nadrc_ros.paper.section import Result
 from nadrc_ros.scenario import find_scenario, load
+from paper import attribution
+from paper.drawing import render
+from paper.section import Result
 import pytest
 
 SEEDS = 2
@@ -40,7 +40,7 @@ def test_the_parts_differ_in_nothing_else() -> None:
 
 
 def test_the_outer_states_bring_the_noisy_improvement(result: Result) -> None:
-    assert attribution.check(result) == []
+    assert attribution.SECTION.check(result) == []
     for found in result['scenarios'].values():
         shares = found['shares']
         assert shares['states']['noisy_isu'] > 0.9
@@ -68,8 +68,8 @@ def test_the_scenarios_are_tuned_too_high_for_their_noise(result: Result) -> Non
 def test_another_attribution_is_named(part: str, share: float, result: Result) -> None:
     spoilt = deepcopy(result)
     spoilt['scenarios']['P']['shares'][part]['noisy_itae'] = share
-    (sentence,) = attribution.check(spoilt)
-    assert sentence.startswith('attribution: in calibrated scenario P ')
+    (sentence,) = attribution.SECTION.check(spoilt)
+    assert sentence.startswith('attribution: share of the noisy improvement')
 
 
 def test_the_picture_is_the_same_each_time(result: Result) -> None:

@@ -13,7 +13,12 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.paper.candidates import (
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.many import RunMetrics
+import numpy as np
+import numpy.typing as npt
+from paper.candidates import (
     AIMS,
     BUDGETS,
     Candidate,
@@ -24,13 +29,8 @@ from nadrc_ros.paper.candidates import (
     load_scenario,
     RANGES,
 )
-from nadrc_ros.paper.runs import metrics_of, without_noise
-from nadrc_ros.paper.section import Tell
-from nadrc_ros.scenario import Scenario
-from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.many import RunMetrics
-import numpy as np
-import numpy.typing as npt
+from paper.runs import metrics_of, without_noise
+from paper.section import Tell
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 

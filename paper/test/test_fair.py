@@ -9,8 +9,11 @@ from math import inf, log10
 from typing import Any
 
 import attrs
-from nadrc_ros.paper import fair, retune
-from nadrc_ros.paper.candidates import (
+from nadrc_ros.scenario import Scenario
+from nadrc_ros.simulation.many import simulate_many
+from nadrc_ros.yaml_text import read_yaml
+from paper import fair, retune
+from paper.candidates import (
     AIMS,
     BUDGETS,
     CANDIDATES,
@@ -20,11 +23,8 @@ from nadrc_ros.paper.candidates import (
     load_scenario,
     RANGES,
 )
-from nadrc_ros.paper.drawing import render
-from nadrc_ros.paper.section import Result
-from nadrc_ros.scenario import Scenario
-from nadrc_ros.simulation.many import simulate_many
-from nadrc_ros.yaml_text import read_yaml
+from paper.drawing import render
+from paper.section import Result
 import pytest
 
 SEEDS = 2
@@ -52,7 +52,7 @@ def test_every_candidate_has_a_design_for_every_aim_and_budget(result: Result) -
 
 
 def test_the_verdict_holds_with_few_seeds(result: Result) -> None:
-    assert fair.check(result) == []
+    assert fair.SECTION.check(result) == []
 
 
 def test_a_larger_budget_never_hurts(result: Result) -> None:
@@ -94,7 +94,7 @@ def _no_clean_gain(result: Any) -> None:
 def test_another_verdict_is_named(spoil: Any, result: Result) -> None:
     spoilt = deepcopy(result)
     spoil(spoilt)
-    (sentence,) = fair.check(spoilt)
+    (sentence,) = fair.SECTION.check(spoilt)
     assert sentence.startswith('fair: ')
 
 

@@ -7,10 +7,9 @@ from importlib import import_module
 import json
 from typing import Any
 
-from nadrc_ros.paper.drawing import FORMATS, render
-from nadrc_ros.paper.page import page
-from nadrc_ros.paper.section import Result, Section
-from nadrc_ros.paper.tables import scenarios_of
+from paper.article import article
+from paper.drawing import FORMATS, render
+from paper.section import Result, Section
 
 # The order of the article.
 MODULES = (
@@ -28,7 +27,7 @@ Results = dict[str, Result]
 
 def sections() -> tuple[Section, ...]:
     """Return every section, in the order of the article."""
-    return tuple(import_module(f'nadrc_ros.paper.{module}').SECTION for module in MODULES)
+    return tuple(import_module(f'paper.{module}').SECTION for module in MODULES)
 
 
 def measure(
@@ -67,7 +66,7 @@ def files(chosen: Sequence[Section], results: Results, quick: bool = False) -> d
             for file_format in FORMATS:
                 found[f'{stem}.{file_format}'] = render(figure, file_format)
             svgs[section.name][stem] = found[f'{stem}.svg'].decode()
-    found['index.html'] = page(chosen, results, svgs, quick).encode()
+    found['index.html'] = article(chosen, results, svgs, quick).encode()
     return found
 
 
@@ -78,7 +77,8 @@ def as_json(results: Mapping[str, Any], quick: bool) -> bytes:
     Beside the result of each section it has Table I under ``scenarios``, for other programs.
     """
     scenarios = {
-        name: {'table1': numbers} for name, numbers in scenarios_of(results['table1']).items()
+        name: {'table1': scenario['table1']}
+        for name, scenario in results['table1']['scenarios'].items()
     }
     whole = {'quick': quick, 'scenarios': scenarios, **results}
     return (json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + '\n').encode()

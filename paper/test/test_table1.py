@@ -6,13 +6,13 @@ from copy import deepcopy
 import json
 from math import sqrt
 
-from nadrc_ros.paper import table1
-from nadrc_ros.paper.drawing import render
-from nadrc_ros.paper.published import ALL, TABLE_1
-from nadrc_ros.paper.section import Result
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.simulation.experiment import simulate
 import numpy as np
+from paper import table1
+from paper.drawing import render
+from paper.published import ALL, TABLE_1
+from paper.section import Result
 import pytest
 
 SEEDS = 4
@@ -98,14 +98,14 @@ def test_a_number_out_of_tolerance_is_named(name: str, result: Result) -> None:
     for found in spoilt['scenarios'].values():
         for number in found['table1'].values():
             number['relative'] = 0.0
-    assert table1.check(spoilt) == []
+    assert table1.SECTION.check(spoilt) == []
     spoilt['scenarios'][name]['table1']['c_noisy_isu']['relative'] = 0.121
-    (sentence,) = table1.check(spoilt)
-    assert sentence.startswith(f'table1: c_noisy_isu in calibrated scenario {name} is ')
+    (sentence,) = table1.SECTION.check(spoilt)
+    assert sentence.startswith(f'table1: c_noisy_isu in calibrated scenario {name}')
     spoilt['scenarios'][name]['table1']['c_noisy_isu']['relative'] = 0.0
     spoilt['scenarios'][name]['reductions']['clean_isu'] = 8.0
-    (sentence,) = table1.check(spoilt)
-    assert 'noise-free ISU reduction' in sentence
+    (sentence,) = table1.SECTION.check(spoilt)
+    assert 'clean_isu' in sentence
 
 
 def test_the_picture_is_the_same_each_time(result: Result) -> None:

@@ -7,7 +7,7 @@ The observers of the fair comparison: what is fixed, what is tuned, and the comm
 
 from __future__ import annotations
 
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -16,6 +16,7 @@ from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.yaml_text import read_yaml, write_yaml
 
 SCENARIO = 'paper_fair'
+FILE = Path(__file__).with_name('designs.yaml')
 # Integral of u^2 over the noisy run that a design may spend, on average over seeds.
 BUDGETS = (4.5, 8.0, 20.0, 100.0, 450.0)
 # What is least within the budget: the ITAE with noise, or the ITAE without.
@@ -102,8 +103,7 @@ def load_scenario() -> Scenario:
 
 def load_designs() -> Designs:
     """Return the committed designs."""
-    text = files('nadrc_ros.paper').joinpath('designs.yaml').read_text(encoding='utf-8')
-    designs: Designs = read_yaml(text)
+    designs: Designs = read_yaml(FILE.read_text(encoding='utf-8'))
     return designs
 
 
