@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 START = 1_700_000_000_000_000_000
@@ -19,11 +19,15 @@ def write_bag(
     signals: Mapping[str, Sequence[tuple[float, float]]],
     mcap: bool = False,
     words: Sequence[str] = (),
+    compressed: CompressionMode = CompressionMode.NONE,
 ) -> Path:
     """Write (time [s], value) pairs of each topic, and a text on each topic in ``words``."""
     plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
     number, text = STORE.types[FLOAT64], STORE.types[STRING]
-    with Writer(path, version=9, storage_plugin=plugin) as writer:
+    made = Writer(path, version=9, storage_plugin=plugin)
+    if compressed != CompressionMode.NONE:
+        made.set_compression(compressed, CompressionFormat.ZSTD)
+    with made as writer:
         for topic in words:
             link = writer.add_connection(topic, STRING, typestore=STORE)
             writer.write(link, START, STORE.serialize_cdr(text(data='hello'), STRING))

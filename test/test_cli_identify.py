@@ -10,6 +10,7 @@ from bag_helpers import write_bag
 from bench.identify import record
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.cli import identify as command
 from nadrc_ros.cli.app import app
 from nadrc_ros.records.recording import read_samples
 from nadrc_ros.scenario.files import load, loads
@@ -77,9 +78,78 @@ def test_a_bag_of_other_topics_gives_the_same_plant(mcap: bool, run: Path, tmp_p
     assert both[1] == pytest.approx(both[0], rel=1e-4)
 
 
+def as_csv(folder: Path, columns: dict[str, Any]) -> Path:
+    """Write a file as a spreadsheet in Europe does, in milliseconds and without a reference."""
+    path = folder / 'öl log.csv'
+    lines = ['t;Drehzahl (rpm);PWM;Ziel']
+    for row in zip(
+        columns['time'], *(columns[n] for n in ('measurement', 'command', 'reference'))
+    ):
+        lines.append(';'.join(f'{x!r}' for x in (round(1e3 * row[0]), *row[1:])).replace('.', ','))
+    path.write_text('\n'.join(lines) + '\n', encoding='utf-8-sig')
+    return path
+
+
+def b0_of(folder: Path, *options: object) -> tuple[float, str]:
+    done = nadrc('identify', *options, '--order', 1, '--json', folder / 'f.json')
+    assert done.exit_code == 0, done.output
+    return json.loads((folder / 'f.json').read_text())['b0']['value'], done.output
+
+
+def test_a_csv_file_gives_the_plant_of_the_run_and_says_how_it_was_read(
+    run: Path, tmp_path: Path
+) -> None:
+    path = as_csv(tmp_path, read_samples(run))
+    options = (
+        '--time',
+        't',
+        '--time-unit',
+        'ms',
+        '--reference',
+        'ziel',
+        '--measurement',
+        'Drehzahl',
+    )
+    value, output = b0_of(tmp_path, path, *options)
+    assert value == pytest.approx(b0_of(tmp_path, run)[0], rel=1e-4)
+    assert 'semicolons between cells, decimal commas' in output and 'PWM (guessed)' in output
+    assert b0_of(tmp_path, run / 'samples.csv')[0] == pytest.approx(value, rel=1e-4)
+    wrong = nadrc('identify', path, *options[:-1], 'drehzal')
+    assert wrong.exit_code == 1 and 'did you mean Drehzahl (rpm)?' in wrong.output
+
+
+def test_a_part_of_a_log_is_used_if_asked_for(run: Path, tmp_path: Path) -> None:
+    value, output = b0_of(tmp_path, run, '--from', 5, '--to', 12)
+    assert '701 samples, 7.01 s' in output and value == pytest.approx(5.0, rel=0.05)
+    none = nadrc('identify', run, '--from', 50)
+    assert none.exit_code == 1 and 'the run has 0 to 19.99 s' in none.output
+
+
+def test_of_a_dense_log_not_every_row_is_used_and_that_is_said(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    value, output = b0_of(tmp_path, run, '--every', 2)
+    assert 'every 2 rows count as one, 50 Hz\n' in output and '1000 samples' in output
+    assert value == pytest.approx(5.0, rel=0.05)
+    monkeypatch.setattr(command, 'MOST_ROWS', 1500)
+    assert 'every 2 rows count as one, 50 Hz; --every 1 uses' in b0_of(tmp_path, run)[1]
+
+
+def test_a_heading_that_wraps_is_named_with_the_remedy(run: Path, tmp_path: Path) -> None:
+    samples = read_samples(run)
+    for name in ('measurement', 'reference'):
+        samples[name] = [(100.0 * x) % 360.0 for x in samples[name]]
+    path = as_csv(tmp_path, samples)
+    options = (path, '--time-unit', 'ms', '--reference', 'Ziel', '--measurement', 'Drehzahl')
+    wrapped = nadrc('identify', *options)
+    assert wrapped.exit_code == 1
+    assert 'the measurement jumps by 360, as an angle that wraps: --wrap 360' in wrapped.output
+    assert b0_of(tmp_path, *options, '--wrap', 360)[0] == pytest.approx(500.0, rel=0.02)
+
+
 def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path: Path) -> None:
     out = tmp_path / 'p.yaml'
-    for path in (tmp_path / 'nothing', tmp_path, run / 'samples.csv'):
+    for path in (tmp_path / 'nothing', tmp_path, run / 'run.json'):
         done = nadrc('identify', path, '--out', out)
         assert done.exit_code == 1 and str(path) in done.output
         assert len(done.output.splitlines()) == 1 and not out.exists()

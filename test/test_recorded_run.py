@@ -11,8 +11,10 @@ from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.recorded_run import read_run
 from nadrc_ros.records.recording import RunFolder, RunSettings
+from nadrc_ros.records.source import Source
 import numpy as np
 import pytest
+from rosbags.rosbag2 import CompressionMode
 
 H = 0.01
 # Reference from 20 ms on; measurement k at k h; the command in reply comes 0.3 ms later, the
@@ -78,14 +80,36 @@ def test_the_loop_is_found_in_its_only_namespace_and_asked_for_among_several(
     with pytest.raises(UserError, match='/a/measurement, /b/measurement'):
         read_run(both)
     for name in ('b', '/b', '/b/'):
-        assert read_run(both, namespace=name).columns['command'][0] == -2.0
+        assert read_run(both, Source(namespace=name)).columns['command'][0] == -2.0
 
 
 def test_topics_of_other_names_can_be_named(tmp_path: Path) -> None:
     path = write_bag(tmp_path / 'bag', {'/x/state': MEASURED, '/x/effort': COMMANDED})
-    run = read_run(path, {'measurement': '/x/state', 'command': '/x/effort'})
+    run = read_run(path, Source(signals={'measurement': '/x/state', 'command': '/x/effort'}))
     assert run.columns['command'].tolist() == [-2.0, -3.0, -4.0, -5.0]
     assert np.isnan(run.columns['reference']).all()
+
+
+@pytest.mark.parametrize('mcap', [False, True])
+@pytest.mark.parametrize('compressed', [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_a_compressed_bag_reads_as_the_plain_one(
+    compressed: CompressionMode, mcap: bool, tmp_path: Path
+) -> None:
+    plain = read_run(write_bag(tmp_path / 'plain', in_namespace(''), mcap))
+    folder = write_bag(tmp_path / 'packed', in_namespace(''), mcap, compressed=compressed)
+    paths = [folder]
+    if compressed == CompressionMode.FILE:
+        (file,) = folder.glob('*.zstd')
+        paths.append(file)
+    for path in paths:
+        for name, column in plain.columns.items():
+            np.testing.assert_array_equal(read_run(path).columns[name], column)
+    if compressed == CompressionMode.FILE:
+        (folder / 'metadata.yaml').unlink()  # as a recording that was killed leaves it
+        assert read_run(folder).columns['command'].tolist() == [-2.0, -3.0, -4.0, -5.0]
+        file.write_bytes(file.read_bytes()[:-20])
+        with pytest.raises(UserError, match='not a bag that can be read'):
+            read_run(folder)
 
 
 def empty_folder(path: Path) -> tuple[Path, dict[str, str]]:
@@ -97,11 +121,20 @@ def no_file(path: Path) -> tuple[Path, dict[str, str]]:
 
 
 def no_command(path: Path) -> tuple[Path, dict[str, str]]:
-    return write_bag(path / 'bag', {'/measurement': MEASURED, '/other': MEASURED}), {}
+    loop = {'/measurement': MEASURED, '/b/effort': MEASURED, '/a/other': MEASURED}
+    return write_bag(path / 'bag', loop, words=('/rosout',)), {}
+
+
+def no_signal(path: Path) -> tuple[Path, dict[str, str]]:
+    return write_bag(path / 'bag', LOOP), {'measured': '/measurement'}
 
 
 def other_topic(path: Path) -> tuple[Path, dict[str, str]]:
-    return write_bag(path / 'bag', in_namespace('')), {'measurement': '/state'}
+    return write_bag(path / 'bag', in_namespace('')), {'measurement': '/states'}
+
+
+def near_topic(path: Path) -> tuple[Path, dict[str, str]]:
+    return write_bag(path / 'bag', in_namespace('')), {'measurement': '/mesurement'}
 
 
 def text_topic(path: Path) -> tuple[Path, dict[str, str]]:
@@ -139,12 +172,15 @@ def cut_short(path: Path) -> tuple[Path, dict[str, str]]:
     [
         (empty_folder, 'neither a folder with samples.csv nor a rosbag2 bag'),
         (no_file, 'there is no such file'),
-        (no_command, 'no topic /command; there are /measurement, /other'),
-        (other_topic, 'no topic /state; there are /command, /measurement, /reference'),
+        (no_command, '^no topic /command: name .* with --command; .*have /a/other, /b/effort$'),
+        (no_signal, 'measured is no signal; those are reference, measurement, command, output'),
+        (other_topic, '^no topic /states: there are /command, /measurement, /reference'),
+        (near_topic, '^no topic /mesurement: did you mean /measurement?'),
         (text_topic, '/state has std_msgs/msg/String, not one number'),
         (silent_topic, 'no message on /command'),
         (rubbish('.db3'), 'not a bag that can be read'),
         (rubbish('.mcap'), 'not a bag that can be read'),
+        (rubbish('.mcap.zstd'), 'not a bag that can be read'),
         (bad_metadata, 'not a bag that can be read'),
         (cut_short, 'not a bag that can be read'),
     ],
@@ -154,7 +190,7 @@ def test_what_is_no_run_is_refused_in_one_sentence(
 ) -> None:
     path, topics = make(tmp_path)
     with pytest.raises(UserError, match=said) as caught:
-        read_run(path, topics)
+        read_run(path, Source(signals=topics))
     assert '\n' not in str(caught.value)
 
 

@@ -34,9 +34,8 @@ class SettingError(UserError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the question for the known name that is nearly ``name``, else what there is."""
+    """Return the question for the known name that is nearly ``name``, if one is, and all of them."""
     names = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), names, n=1, cutoff=0.5)
-    if near:
-        return f'did you mean {names[near[0]]}?'
-    return 'there are ' + (', '.join(names.values()) or 'none')
+    question = f'did you mean {names[near[0]]}? ' if near else ''
+    return f'{question}there are {", ".join(names.values()) or "none"}'

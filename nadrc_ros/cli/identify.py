@@ -6,9 +6,20 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.options import (
+    Command,
+    Measurement,
+    Namespace,
+    Reference,
+    source,
+    Time,
+    TimeUnit,
+)
+from nadrc_ros.cli.progress import working
 import typer
 
 if TYPE_CHECKING:
+    from nadrc_ros.records.recorded_run import RecordedRun
     from nadrc_ros.tuning.identification.advice import Advice
     from nadrc_ros.tuning.identification.estimate import Estimate
     from nadrc_ros.tuning.identification.identify import Plant
@@ -16,11 +27,13 @@ if TYPE_CHECKING:
 # A b0 that is off by more, or by more than half of the gain margin (of its decibels), is worth a
 # new one.
 TOLERABLE = 2.0
+# Of a longer log not every row is used if its motion allows it: the fit takes a minute for these.
+MOST_ROWS = 50_000
 
 
 def identify(
     run: Annotated[
-        Path, typer.Argument(help="Folder of the recorder, or a rosbag2 bag's folder or file.")
+        Path, typer.Argument(help='Folder of the recorder, a rosbag2 bag or a CSV file.')
     ],
     order: Annotated[
         Optional[int],
@@ -36,30 +49,43 @@ def identify(
         Optional[Path], typer.Option(help='Write a scenario with the identified plant there.')
     ] = None,
     json: Annotated[Optional[Path], typer.Option(help='Write all figures there.')] = None,
-    measurement: Annotated[
-        Optional[str], typer.Option(help='Topic of the measurement in a bag: /x/state.')
+    measurement: Measurement = '',
+    command: Command = '',
+    reference: Reference = '',
+    namespace: Namespace = '',
+    time: Time = '',
+    time_unit: TimeUnit = '',
+    begin: Annotated[
+        Optional[float],
+        typer.Option(
+            '--from', help='Use the log from there [s], 0 = first measurement with a command.'
+        ),
     ] = None,
-    command: Annotated[
-        Optional[str], typer.Option(help='Topic of the command in a bag: /x/control_effort.')
+    end: Annotated[Optional[float], typer.Option('--to', help='Use the log to there [s].')] = None,
+    wrap: Annotated[
+        Optional[float],
+        typer.Option(min=0.0, help='Period of a wrapped angle, to unwrap it; 0 = it is none.'),
     ] = None,
-    reference: Annotated[
-        Optional[str], typer.Option(help='Topic of the reference in a bag: /x/setpoint.')
+    every: Annotated[
+        Optional[int],
+        typer.Option(min=1, help='Use every so many rows; by default all that are needed.'),
     ] = None,
-    namespace: Annotated[str, typer.Option(help='Namespace of the loop in a bag.')] = '',
 ) -> None:
     """
     Find order, input gain b0 and noise of a plant in the log of its closed loop.
 
     Says how sure b0 is, and what observer bandwidth noise, rate and delay allow.
 
-    Example: nadrc identify runs/20260101-120000 --scenario mine.yaml
+    Example: nadrc identify runs/20260101-120000 --scenario mine.yaml, or
+    nadrc identify log.csv --time t --measurement rpm --command pwm --from 12
     """
-    named = {'measurement': measurement, 'command': command, 'reference': reference}
+    signals = {'measurement': measurement, 'command': command, 'reference': reference}
     with reporting():
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
     with reporting(str(run)):
         from nadrc_ros.records.recorded_run import read_run
+        from nadrc_ros.records.shaping import thinned, window
         from nadrc_ros.scenario.files import dump
         from nadrc_ros.scenario.parameter_files import (
             ANY_CONTROLLER,
@@ -71,9 +97,20 @@ def identify(
         from nadrc_ros.tuning.identification.log import log_of
         from nadrc_ros.writing import write_json, write_whole
 
-        recorded = read_run(run, {k: v for k, v in named.items() if v is not None}, namespace)
+        with working(f'reading {run}'):
+            recorded = read_run(run, source(namespace, time, time_unit, **signals))
+        if recorded.told:
+            complain(f'{run}: {recorded.told}')
+        recorded = _unwrapped(window(recorded, begin, end), wrap)
+        recorded, kept = thinned(recorded, MOST_ROWS, every)
+        if kept > 1:
+            complain(
+                f'{run}: every {kept} rows count as one, {recorded.rate:.4g} Hz'
+                + ('' if every else '; --every 1 uses all of them')
+            )
         log = log_of(recorded)
-        plant = find(log, order)
+        with working(f'fitting {len(log.command)} samples'):
+            plant = find(log, order)
         advice = advise(plant, log)
         described = dump(scenario_of(plant, log, advice.settings)) if scenario else ''
     with reporting():
@@ -89,6 +126,21 @@ def identify(
             typer.echo(line)
         for doubt in plant.doubts:
             complain(f'{run}: {doubt}')
+
+
+def _unwrapped(run: 'RecordedRun', period: Optional[float]) -> 'RecordedRun':
+    from nadrc_ros.records.recording import RecordingError
+    from nadrc_ros.records.shaping import PERIODS, unwrapped, wrap_of
+
+    if period:
+        return unwrapped(run, period)
+    found = wrap_of(run.columns['measurement']) if period is None else None
+    if found is None:
+        return run
+    raise RecordingError(
+        f'the measurement jumps by {found:.4g}, as an angle that wraps: --wrap {PERIODS[found]} '
+        'unwraps it, --wrap 0 takes it as it is'
+    )
 
 
 def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str, Any]:

@@ -1,9 +1,32 @@
-"""The options of commands that set declared fields, described by the fields themselves."""
+"""Options that several commands have, and those that set declared fields, described by these."""
 
-from typing import Any
+from typing import Annotated, Any, TYPE_CHECKING
 
 from nadrc_ros.adrc.fields import Declared
 import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.records.source import Source
+
+# Where the signals of a loop are in a log that is not the recorder's.
+Measurement = Annotated[
+    str, typer.Option(help='Topic of the measurement in a bag, or its column in a CSV file.')
+]
+Command = Annotated[str, typer.Option(help='The same of the command.')]
+Reference = Annotated[str, typer.Option(help='The same of the reference, if there is one.')]
+Namespace = Annotated[str, typer.Option(help='Namespace of the loop in a bag.')]
+Time = Annotated[str, typer.Option(help='Column of the time in a CSV file.')]
+TimeUnit = Annotated[
+    str, typer.Option(help='Its unit: s, ms, us, ns, min or h; by default that of its heading.')
+]
+
+
+def source(namespace: str, time: str, time_unit: str, **signals: str) -> 'Source':
+    """Return where the signals are that the options name; an empty one was not given."""
+    from nadrc_ros.records.source import Source
+
+    named = {name: value for name, value in signals.items() if value}
+    return Source(signals=named, namespace=namespace, time=time, time_unit=time_unit)
 
 
 def option(field: Declared, default: str = '') -> Any:

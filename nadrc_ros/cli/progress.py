@@ -6,7 +6,7 @@ from typing import Protocol
 
 from nadrc_ros.cli.failure import complain
 
-# Without a terminal, a line that often [s].
+# Without a terminal, a line that often [s]; what is done sooner needs no sign of life.
 EVERY = 10.0
 
 
@@ -15,6 +15,38 @@ class Tell(Protocol):
 
     def __call__(self, done: int, note: str = '') -> None:
         """Show it."""
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Show that something goes on of which nobody knows how long it takes, and for how long."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if console.is_terminal:
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
+        with Progress(*columns, console=console, transient=True) as bar:
+            bar.add_task(what, total=None)
+            yield
+        return
+    from threading import Event, Thread
+    from time import monotonic
+
+    start, done = monotonic(), Event()
+
+    def say() -> None:
+        while not done.wait(EVERY):
+            complain(f'{what}, {monotonic() - start:.0f} s')
+
+    teller = Thread(target=say, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()
 
 
 @contextmanager

@@ -4,8 +4,18 @@
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.options import (
+    Command,
+    Measurement,
+    Namespace,
+    Reference,
+    source,
+    Time,
+    TimeUnit,
+)
 from nadrc_ros.cli.pictures import check_format
+from nadrc_ros.cli.progress import working
 import typer
 
 if TYPE_CHECKING:
@@ -14,7 +24,8 @@ if TYPE_CHECKING:
 
 def report(
     runs: Annotated[
-        list[Path], typer.Argument(help='Folders of runs (runs/<date>) or rosbag2 bags.')
+        list[Path],
+        typer.Argument(help='Folders of runs (runs/<date>), rosbag2 bags or CSV files.'),
     ],
     out: Annotated[
         Optional[Path], typer.Option(help='Where the page goes; otherwise to the first run.')
@@ -23,11 +34,16 @@ def report(
         Optional[Path],
         typer.Option(help='Draw a picture there (png, svg, pdf), and no page without --out.'),
     ] = None,
+    measurement: Measurement = '',
+    command: Command = '',
+    reference: Reference = '',
     topic: Annotated[
         Optional[list[str]],
-        typer.Option(help='Topic of a signal in bags, as measurement=/state; repeatable.'),
+        typer.Option(help='Topic or column of another signal: output=/true; repeatable.'),
     ] = None,
-    namespace: Annotated[str, typer.Option(help='Namespace of the loop in bags.')] = '',
+    namespace: Namespace = '',
+    time: Time = '',
+    time_unit: TimeUnit = '',
 ) -> None:
     """
     Make a page of one run, or of several to compare them.
@@ -35,13 +51,19 @@ def report(
     It has interactive plots, figures of merit, the disturbance estimates against the truth, the
     spectrum of the command, latencies, and the parameters with their changes on the way.
 
-    Example: nadrc report runs/20260101-120000, or nadrc report runs/A runs/B --out ab.html
+    Example: nadrc report runs/20260101-120000, or nadrc report runs/A log.csv --out ab.html
     """
     check_format(static, '--static')
     with reporting():
         from nadrc_ros.report.subject import read_subjects
 
-        subjects = read_subjects(runs, _topics(topic or []), namespace)
+        named = {'measurement': measurement, 'command': command, 'reference': reference}
+        signals = _topics(topic or []) | {name: v for name, v in named.items() if v}
+        with working('reading'):
+            subjects = read_subjects(runs, source(namespace, time, time_unit, **signals))
+        for subject in subjects.values():
+            if subject.run.told:
+                complain(f'{subject.run.path}: {subject.run.told}')
         if static is not None:
             _draw(static, subjects)
             if out is None:

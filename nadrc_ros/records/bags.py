@@ -7,49 +7,35 @@ time is that at which the bag received it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
+import re
+from shutil import copyfileobj
 import sqlite3
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from nadrc_ros.adrc.settings import MAX_LEVELS
-from nadrc_ros.records.recording import ESTIMATES, NEEDED, RecordingError, topic_of, TRUTH
+from nadrc_ros.adrc.errors import did_you_mean
+from nadrc_ros.records.recording import RecordingError, topic_of
+from nadrc_ros.records.source import Array, REQUIRED, rows_of, SIGNALS, Source
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-SUFFIXES = ('.db3', '.mcap')
-LEVELS = tuple(f'level_{k}' for k in range(1, MAX_LEVELS + 1))
-SIGNALS = (*NEEDED, *TRUTH, *ESTIMATES, *LEVELS)
-REQUIRED = ('measurement', 'command')
+SUFFIXES = ('.db3', '.mcap', '.db3.zstd', '.mcap.zstd')
+NUMBERS = re.compile(r'std_msgs/msg/(Float|U?Int)\d+')
 
 
 def is_bag(path: Path) -> bool:
     """Tell whether ``path`` is the file of a bag, or a folder that holds one."""
-    if path.is_dir():
-        return any(each.suffix in SUFFIXES for each in path.iterdir())
-    return path.suffix in SUFFIXES
+    return any(
+        each.name.endswith(SUFFIXES) for each in (path.iterdir() if path.is_dir() else [path])
+    )
 
 
-def read_bag(
-    path: Path, topics: Mapping[str, str] | None = None, namespace: str = ''
-) -> dict[str, Array]:
+def read_bag(path: Path, source: Source) -> dict[str, Array]:
     """
-    Return the signals of a bag on the times of its measurements, as the recorder would.
-
-    A row belongs to one measurement and holds the last value of every other signal that was
-    received before the next measurement: zero-order hold, and for the command the one that acted
-    meanwhile. The first row is the first measurement with a command, at ``time`` 0.
-
-    Parameters
-    ----------
-    path
-        The folder of a bag, or its only file.
-    topics
-        The topic of a signal by its column, where it is not that of this package's nodes.
-    namespace
-        Of the loop. If empty, the one whose topics there are.
+    Return the signals of a bag on the times of its measurements, see :func:`rows_of`.
 
     Raises
     ------
@@ -58,47 +44,42 @@ def read_bag(
         command is missing.
 
     """
-    stamps, values = _received(path, topics or {}, namespace)
-    grid = stamps['measurement']
-    ends = np.append(grid[1:], np.iinfo(np.int64).max)
-    columns = {
-        name: _last_before(ends, stamps[name], values[name]) for name in SIGNALS if name in stamps
-    }
-    columns['measurement'] = values['measurement']
-    first = int(np.searchsorted(ends, stamps['command'][0], 'right'))
-    time = (grid[first:] - grid[first]) * 1e-9
-    return {'time': time, **{name: column[first:] for name, column in columns.items()}}
+    if source.time or source.time_unit:
+        raise RecordingError(
+            'a bag has times of its own; --time and --time-unit are for CSV files'
+        )
+    with _plain(path) as plain:
+        received = _received(plain, source)
+    start = min(rows[0][0] for rows in received.values())
+    return rows_of(
+        {
+            name: np.array([1e-9 * (row[0] - start) for row in rows])
+            for name, rows in received.items()
+        },
+        {name: np.array([row[1] for row in rows]) for name, rows in received.items()},
+    )
 
 
-def _last_before(ends: npt.NDArray[np.int64], stamps: npt.NDArray[np.int64], values: Array) -> Any:
-    index = np.searchsorted(stamps, ends, 'left') - 1
-    return np.where(index >= 0, values[np.maximum(index, 0)], np.nan)
-
-
-def _received(path: Path, topics: Mapping[str, str], namespace: str) -> tuple[Any, Any]:
-    """Return stamps [ns] and values of each signal, in the order of the stamps."""
+def _received(path: Path, source: Source) -> dict[str, list[tuple[int, float]]]:
+    """Return stamp [ns] and value of all messages of each signal, in the order of the stamps."""
     reader, failures = _reader(path)
     try:
         with reader:
-            chosen = _choose(set(reader.topics), topics, namespace)
+            chosen = _choose({link.topic: link.msgtype for link in reader.connections}, source)
             found: dict[str, list[tuple[int, float]]] = {name: [] for name in chosen}
             of = {topic: name for name, topic in chosen.items()}
             wanted = [link for link in reader.connections if link.topic in of]
             for link, stamp, raw in reader.messages(connections=wanted):
                 message = reader.deserialize(raw, link.msgtype)
                 found[of[link.topic]].append((stamp, _number(message, link)))
+    except RecordingError:
+        raise
     except failures as error:
         raise RecordingError(f'not a bag that can be read: {_one_line(error)}') from None
     for name in REQUIRED:
         if not found[name]:
             raise RecordingError(f'no message on {chosen[name]}')
-    stamps, values = {}, {}
-    for name, rows in found.items():
-        if rows:
-            rows.sort(key=lambda row: row[0])
-            stamps[name] = np.array([row[0] for row in rows], dtype=np.int64)
-            values[name] = np.array([row[1] for row in rows])
-    return stamps, values
+    return {name: sorted(rows, key=lambda row: row[0]) for name, rows in found.items() if rows}
 
 
 def _reader(path: Path) -> tuple[Any, tuple[type[Exception], ...]]:
@@ -110,42 +91,76 @@ def _reader(path: Path) -> tuple[Any, tuple[type[Exception], ...]]:
         raise RecordingError(
             'reading a bag takes the Python package rosbags: pip install rosbags'
         ) from None
-    broken = (AnyReaderError, sqlite3.Error, ValueError, KeyError, IndexError, AssertionError)
+    broken = (
+        *(AnyReaderError, sqlite3.Error, ValueError, KeyError, IndexError, AssertionError),
+        *(each.ZstdError for each in _zstd()),
+    )
     try:
         store = get_typestore(Stores.ROS2_JAZZY)
-        return AnyReader([_file_of(path)], default_typestore=store), broken
+        return AnyReader([path], default_typestore=store), broken
     except broken as error:
         raise RecordingError(f'not a bag that can be read: {_one_line(error)}') from None
+
+
+@contextmanager
+def _plain(path: Path) -> Iterator[Path]:
+    """Give what can be read of a file that was compressed as a whole, or of any other."""
+    file = _file_of(path)
+    if file.suffix != '.zstd':
+        yield file
+        return
+    for zstd in _zstd():
+        with TemporaryDirectory() as folder:
+            plain = Path(folder, file.stem)
+            try:
+                with zstd.open(file) as packed, plain.open('wb') as out:
+                    copyfileobj(packed, out)
+            except (zstd.ZstdError, EOFError) as error:
+                raise RecordingError(f'not a bag that can be read: {_one_line(error)}') from None
+            yield plain
+        return
+    raise RecordingError('reading .zstd takes the Python package backports.zstd: pip install it')
+
+
+def _zstd() -> list[Any]:
+    """Return the module for Zstandard, of Python 3.14 or the one that comes with rosbags."""
+    for name in ('compression.zstd', 'backports.zstd'):
+        with suppress(ImportError):
+            return [import_module(name)]
+    return []
 
 
 def _file_of(path: Path) -> Path:
     """Return the file of a folder without metadata, as a recording that was killed leaves it."""
     if not path.is_dir() or (path / 'metadata.yaml').exists():
         return path
-    files = sorted(each for each in path.iterdir() if each.suffix in SUFFIXES)
+    files = sorted(each for each in path.iterdir() if each.name.endswith(SUFFIXES))
     if len(files) > 1:
         raise RecordingError('no metadata.yaml and several files: name one of them')
     return files[0]
 
 
-def _choose(existing: set[str], topics: Mapping[str, str], namespace: str) -> dict[str, str]:
-    """Return the topic of each signal that the bag has."""
-    for name, topic in topics.items():
-        if name not in SIGNALS:
-            raise RecordingError(f'{name} is no signal; those are {", ".join(SIGNALS)}')
+def _choose(existing: Mapping[str, str], source: Source) -> dict[str, str]:
+    """Return the topic of each signal that the bag has, of all its topics with their types."""
+    chosen = dict(source.signals)
+    for topic in chosen.values():
         if topic not in existing:
-            raise RecordingError(f'no topic {topic}; there are {_listed(existing)}')
-    chosen = dict(topics)
-    prefix = '/' + namespace.strip('/') if namespace.strip('/') else ''
+            raise RecordingError(f'no topic {topic}: {did_you_mean(topic, sorted(existing))}')
+    prefix = '/' + source.namespace.strip('/') if source.namespace.strip('/') else ''
     if not prefix and not set(REQUIRED) <= chosen.keys():
-        prefix = _only_namespace(existing, next(n for n in REQUIRED if n not in chosen))
+        prefix = _only_namespace(set(existing), next(n for n in REQUIRED if n not in chosen))
     for name in SIGNALS:
         topic = f'{prefix}/{topic_of(name)}'
         if name not in chosen and topic in existing:
             chosen[name] = topic
     for name in REQUIRED:
         if name not in chosen:
-            raise RecordingError(f'no topic {prefix}/{name}; there are {_listed(existing)}')
+            numbers = [t for t, kind in existing.items() if NUMBERS.fullmatch(kind)]
+            listed = ', '.join(sorted(set(numbers) - set(chosen.values()))) or 'no topic'
+            raise RecordingError(
+                f'no topic {prefix}/{name}: name that of the {name} with --{name}; one number '
+                f'each have {listed}'
+            )
     return chosen
 
 
@@ -164,10 +179,6 @@ def _number(message: Any, link: Any) -> float:
     with suppress(AttributeError, TypeError, ValueError):
         return float(message.data)
     raise RecordingError(f'{link.topic} has {link.msgtype}, not one number as std_msgs/Float64')
-
-
-def _listed(topics: set[str]) -> str:
-    return ', '.join(sorted(topics)) or 'none'
 
 
 def _one_line(error: Exception) -> str:

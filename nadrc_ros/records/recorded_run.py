@@ -1,13 +1,13 @@
-"""One recorded run on a common time grid: a folder of the recorder, or a rosbag2 bag."""
+"""One recorded run as rows of one time: a folder of the recorder, a rosbag2 bag or a CSV file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import attrs
 from nadrc_ros.records.bags import is_bag, read_bag
+from nadrc_ros.records.csv_log import read_csv_log
 from nadrc_ros.records.recording import (
     NEEDED,
     read_samples,
@@ -16,10 +16,12 @@ from nadrc_ros.records.recording import (
     RecordingError,
     SAMPLES,
 )
+from nadrc_ros.records.source import Source
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+OWN = Source()
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -39,6 +41,8 @@ class RecordedRun:
         measurement that was lost leaves a gap in ``time`` and has no row.
     summary
         The recorder's summary, empty if there is none.
+    told
+        How a file was understood that does not say so itself, '' for others.
 
     """
 
@@ -46,21 +50,19 @@ class RecordedRun:
     rate: float
     columns: dict[str, Array]
     summary: dict[str, Any]
+    told: str = ''
 
 
-def read_run(
-    path: Path, topics: Mapping[str, str] | None = None, namespace: str = ''
-) -> RecordedRun:
+def read_run(path: Path, source: Source = OWN) -> RecordedRun:
     """
-    Read a run from a folder with ``samples.csv``, a bag's folder, or a .db3 or .mcap file.
+    Read a run from a folder with ``samples.csv``, a bag's folder or file, or a CSV file.
 
     Parameters
     ----------
     path
         Where it is.
-    topics, namespace
-        For a bag: the topic of a signal by its column, and the namespace of the loop; see
-        :func:`nadrc_ros.records.bags.read_bag`.
+    source
+        Where its signals are, if it is not a folder of the recorder.
 
     Raises
     ------
@@ -70,19 +72,27 @@ def read_run(
         For a file that cannot be read.
 
     """
+    summary, told = {}, ''
     if (path / SAMPLES).is_file():
-        if topics or namespace:
-            raise RecordingError(f'{SAMPLES} has columns; topics and namespaces are those of bags')
+        if source != OWN:
+            raise RecordingError(
+                f'{SAMPLES} has columns of known names; topics and columns are those of other logs'
+            )
         rate, columns, summary = read_settings(path).rate, _columns(path), read_summary(path)
     elif path.exists() and is_bag(path):
-        columns = read_bag(path, topics, namespace)
-        rate, summary = _rate(columns['time']), {}
+        columns = read_bag(path, source)
+        rate = _rate(columns['time'])
+    elif path.is_file():
+        columns, told = read_csv_log(path, source)
+        rate = _rate(columns['time'])
     elif path.exists():
-        raise RecordingError(f'neither a folder with {SAMPLES} nor a rosbag2 bag (.db3, .mcap)')
+        raise RecordingError(
+            f'neither a folder with {SAMPLES} nor a rosbag2 bag (.db3, .mcap) nor a CSV file'
+        )
     else:
         raise RecordingError('there is no such file or folder')
     columns.setdefault('reference', np.full(len(columns['time']), np.nan))
-    return RecordedRun(path=path, rate=rate, columns=columns, summary=summary)
+    return RecordedRun(path=path, rate=rate, columns=columns, summary=summary, told=told)
 
 
 def _columns(folder: Path) -> dict[str, Array]:

@@ -10,7 +10,7 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import History, read_history
-from nadrc_ros.records.recorded_run import read_run, RecordedRun
+from nadrc_ros.records.recorded_run import OWN, read_run, RecordedRun
 from nadrc_ros.records.recording import (
     FigureSettings,
     read_settings,
@@ -19,6 +19,7 @@ from nadrc_ros.records.recording import (
     SAMPLES,
     SETTINGS,
 )
+from nadrc_ros.records.source import Source
 from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, Steps
 from nadrc_ros.simulation.metrics import Metrics, MetricValues, SETTLE_TIME
@@ -150,11 +151,9 @@ def comparable(subjects: Mapping[str, Subject]) -> bool:
     return all(within)
 
 
-def read_subjects(
-    paths: Sequence[Path], topics: Mapping[str, str] | None = None, namespace: str = ''
-) -> dict[str, Subject]:
+def read_subjects(paths: Sequence[Path], source: Source = OWN) -> dict[str, Subject]:
     """
-    Read runs, and name them by what tells them apart; topics and namespace are those of bags.
+    Read runs, and name them by what tells them apart; ``source`` is for bags and CSV files.
 
     Raises
     ------
@@ -166,9 +165,9 @@ def read_subjects(
     """
     subjects = []
     for path in dict.fromkeys(paths):
-        bag = not (path / SAMPLES).is_file()
+        own = (path / SAMPLES).is_file()
         try:
-            run = read_run(path, topics, namespace) if bag else read_run(path)
+            run = read_run(path, OWN if own else source)
             subjects.append(make_subject(run, read_history(path)))
         except UserError as error:
             raise RecordingError(f'{path}: {error}') from None

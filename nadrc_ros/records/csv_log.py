@@ -1,0 +1,69 @@
+"""The signals of a loop from a CSV file that the recorder did not write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.records.source import Array, guessed, REQUIRED, rows_of, Source
+from nadrc_ros.scenario.csv_file import CsvFile, open_csv, Series
+import numpy as np
+
+
+def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], str]:
+    """
+    Return the signals of a file on the times of its measurements, and how it was understood.
+
+    A row of the file has a measurement and the command that was sent in reply; cells may be empty,
+    as where each signal has rows of its own. See :func:`rows_of`.
+
+    Raises
+    ------
+    RecordingError
+        When it is no table, a column does not exist or cannot be guessed, or the times do not
+        increase.
+
+    """
+    if source.namespace:
+        raise RecordingError('a namespace is that of topics; name columns with --measurement etc.')
+    try:
+        file = open_csv(path)
+        given = {name: file.names[file.place(column)] for name, column in _given(source).items()}
+        columns = guessed(file.names, given)
+        time = columns.pop('time')
+        series = file.series(time, list(columns.values()), source.time_unit)
+    except RecordingError:
+        raise
+    except UserError as error:
+        raise RecordingError(str(error)) from None
+    stamps, values = {}, {}
+    for signal, column in columns.items():
+        known = np.isfinite(series.columns[column])
+        if known.any():
+            stamps[signal], values[signal] = series.time[known], series.columns[column][known]
+    for signal in REQUIRED:
+        if signal not in stamps:
+            raise RecordingError(f'no number in column {columns[signal]}')
+    told = _told(file, series, {'time': time, **columns}, given, source.time_unit)
+    return rows_of(stamps, values), told
+
+
+def _given(source: Source) -> dict[str, str]:
+    return {'time': source.time, **source.signals} if source.time else dict(source.signals)
+
+
+def _told(
+    file: CsvFile, series: Series, columns: dict[str, str], given: dict[str, str], unit: str
+) -> str:
+    """Say how the file is written, which column is what, and what was guessed."""
+    unit = unit or file.unit_of(columns['time'])
+    step = f', {np.median(np.diff(series.time)):.4g} s a row' if len(series.time) > 1 else ''
+    words = []
+    for signal, column in columns.items():
+        note = [f'in {unit}{step}'] if signal == 'time' else []
+        note += [] if signal in given or signal == column else ['guessed']
+        words.append(f'{signal} {column}' + (f' ({", ".join(note)})' if note else ''))
+    words += [] if 'reference' in columns else ['no reference']
+    cut = '; the last row was cut short and is left out' if series.cut else ''
+    return f'{file.told}; {", ".join(words)}{cut}'
