@@ -44,8 +44,8 @@ PROMISES = (
     'A live change of parameters is atomic, acts between two steps, and leaves the command of the '
     'present sample as it is, to 1e-9.',
     'An invalid parameter is refused with a reason that names it, and what `get_parameters` shows '
-    'is what runs. A parameter file or argument that is invalid, or is for a node that is not here, '
-    'ends the start with a message that says what to write, and exit code 1.',
+    'is what runs. A parameter file or argument that is invalid, or is for a node that is not '
+    'here, ends the start with a message that says what to write, and exit code 1.',
     'After disabling, SIGINT, SIGTERM, SIGHUP or an exception the last published command is the '
     'safe one; a signal ends the process with 0 within a second.',
     'The plant does not trust the controller: it falls to its own safe command after '

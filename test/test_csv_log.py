@@ -13,7 +13,7 @@ from nadrc_ros.records.source import Source
 import numpy as np
 import pytest
 
-T: Array = 0.01 * np.arange(1000)
+T: Array = 0.01 * np.arange(1000, dtype=np.float64)
 
 
 def written(folder: Path, text: str) -> Path:

@@ -34,7 +34,7 @@ class SettingError(UserError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the question for the known name that is nearly ``name``, if one is, and all of them."""
+    """Return the question for the known name near to ``name``, if there is one, and all names."""
     names = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), names, n=1, cutoff=0.5)
     question = f'did you mean {names[near[0]]}? ' if near else ''
