@@ -154,7 +154,7 @@ def constants(experiment: Experiment) -> Constants:
     place(design, h, 1.0, scratch)
     return Constants(
         experiment.rate,
-        metrics.SETTLE_TIME,
+        experiment.settled,
         PLANT.a1,
         PLANT.a2,
         PLANT.a3,

@@ -53,7 +53,7 @@ class Run:
 def run(experiment: Experiment, decide: Decide) -> Run:
     """Run the loop: at each t_k measure, decide, hold the command until t_k+1."""
     process, h = experiment.process(), experiment.period
-    metrics, u = Metrics(), 0.0
+    metrics, u = Metrics(experiment.settled), 0.0
     rows = []
     for k in range(experiment.steps):
         r = sample_reference(experiment.reference, k, experiment.rate)

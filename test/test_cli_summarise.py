@@ -25,7 +25,6 @@ from nadrc_ros.records.recording import (
     SUMMARY,
     summary,
 )
-from nadrc_ros.simulation.metrics import Metrics
 import pytest
 from typer.testing import CliRunner
 
@@ -81,7 +80,7 @@ def record(
     directory: Path, run: RunSettings = RUN, count: int = 50, lost: tuple[int, ...] = ()
 ) -> tuple[Path, dict[str, Any]]:
     """Record a run of odd numbers; return its folder and what a recorder would say of it."""
-    folder, metrics, rng = RunFolder(directory, COLUMNS, run), Metrics(), random.Random(5)
+    folder, metrics, rng = RunFolder(directory, COLUMNS, run), run.metrics(), random.Random(5)
     kept = [k for k in range(count) if k not in lost]
     for k in kept:
         values = {name: rng.gauss(0.0, 1.0) for name in COLUMNS[1:]}

@@ -6,6 +6,7 @@ from math import isfinite
 from pathlib import Path
 import re
 
+import attrs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
@@ -46,6 +47,7 @@ controllers:
 retune:
 - {time: 2, inner_bandwidth: 20, pole_ratios: [1]}
 - {time: 1, b0: 2}
+settle_time: 0.5
 """
 SHORT = 'plant: chain\nreference: none\ncontrollers: {it: }\n'
 
@@ -71,6 +73,7 @@ def test_every_key_arrives() -> None:
     assert scenario.disturbance == SignalSpec(name='decaying_cosine')
     assert scenario.noise == Noise(variance=1e-4, sample_time=0.005, seed=7)
     assert (scenario.rate, scenario.duration, scenario.error) == (100.0, 4.0, 'tracking')
+    assert scenario.settle_time == 0.5
     conventional, nested = scenario.controllers.values()
     assert (conventional.structure, conventional.command_max) == ('conventional', 10.0)
     assert (nested.structure, nested.command_min, nested.command_max) == ('nested', -20.0, 30.0)
@@ -142,6 +145,11 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
         ('rate: 100', 'rate: fast', r"^rate = 'fast': must be a finite number"),
         ('rate: 100', 'rate: .nan', r'^rate = nan: must be a finite number'),
         ('duration: 4', 'duration: 0', r'^duration = 0\.0: must be'),
+        (
+            'settle_time: 0.5',
+            'settle_time: 4',
+            r'^settle_time = 4\.0: must be at most 3\.99 s',
+        ),
         ('error: tracking', 'error: both', r"^error = 'both': must be one of reference, tracking"),
         ('name: paper', 'name: papper', r"plant\.name = 'papper': must be one of paper, chain"),
         ('name: paper', 'nam: paper', r'plant needs either a name, one of paper, .* or a file'),
@@ -344,7 +352,7 @@ def test_a_shipped_scenario_runs_well(path: Path) -> None:
         assert np.isfinite(result.output).all()
         assert controller.command_min <= result.command.min()
         assert result.command.max() <= controller.command_max
-        assert all(isfinite(value) for value in result.metrics.as_dict().values())
+        assert all(v is not None and isfinite(v) for v in result.metrics.as_dict().values())
         assert result.metrics.saturated_fraction < 0.05
         # A calibrated scenario follows the lagging profile of its tracking differentiator.
         followed = result.reference if scenario.error == 'reference' else result.tracking
@@ -359,6 +367,21 @@ def test_the_demo_shows_that_nesting_wins() -> None:
     assert nested.peak_error < 0.6 * conventional.peak_error
 
 
+@pytest.mark.parametrize('duration', [0.02, 0.9, 30.0])
+def test_the_peak_error_is_that_after_the_settle_time_of_the_scenario(duration: float) -> None:
+    scenario = loads(SHORT.replace('none', '{signal: step, amplitude: 1}'))
+    assert scenario.experiment().settled == 0.1 * scenario.duration
+    for settle_time in (0.0, 0.4 * duration):
+        shorter = attrs.evolve(scenario, duration=duration, settle_time=settle_time)
+        if settle_time > shorter.experiment().last:
+            continue
+        result = shorter.run('it')
+        late = result.time >= shorter.experiment().settled
+        error = np.abs(result.reference - result.output)
+        assert late.any()
+        assert result.metrics.peak_error == error[late].max() > 0.0
+
+
 # ---- changes ----------------------------------------------------------------------------------
 
 
@@ -367,6 +390,8 @@ def test_changed_leaves_retunes_out_that_lie_after_the_end() -> None:
     assert scenario.noise == Noise(variance=0.0, sample_time=0.005, seed=3)
     assert (scenario.duration, scenario.rate) == (1.5, 50.0)
     assert [retune.time for retune in scenario.retunes] == [1.0]
+    assert scenario.settle_time == 0.5
+    assert loads(FULL).changed(duration=0.4).experiment().settled == 0.1 * 0.4
     assert loads(FULL).changed() == loads(FULL)
 
 

@@ -133,13 +133,12 @@ def _figures(run: 'Run') -> dict[str, Any]:
 def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
     from nadrc_ros.cli.table import console
     from nadrc_ros.report.caption import title_of
-    from nadrc_ros.simulation.metrics import SETTLE_TIME
     from rich.table import Table
 
     rows = {
         'itae': 'ITAE',
         'isu': 'ISU',
-        'peak_error': f'peak |e| after {SETTLE_TIME:g} s',
+        'peak_error': f'peak |e| from {scenario.experiment().settled:g} s on',
         'max_command': 'max |u|',
         'total_variation': 'total variation of u',
         'periods': 'periods',

@@ -93,4 +93,5 @@ def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') 
     from nadrc_ros.report.caption import title_of
 
     metrics = {run: result.metrics for run, result in results.items()}
-    print_figures_of_merit(title_of(name, scenario), metrics)
+    settled = scenario.experiment().settled
+    print_figures_of_merit(title_of(name, scenario), metrics, settled)

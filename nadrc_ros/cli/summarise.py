@@ -20,7 +20,7 @@ def summarise(
     """
     with reporting(str(run)):
         from nadrc_ros.cli.table import print_figures_of_merit
-        from nadrc_ros.records.recording import read_summary, summarise, SUMMARY
+        from nadrc_ros.records.recording import read_settings, read_summary, summarise, SUMMARY
         from nadrc_ros.simulation.metrics import MetricValues
         from nadrc_ros.writing import write_json
 
@@ -28,7 +28,9 @@ def summarise(
         if content['complete'] is False:
             complain(f'{run}: the last row was cut short and is left out')
         print_figures_of_merit(
-            f'{run}, {content["rows"]} rows', {'': MetricValues(**content['metrics'])}
+            f'{run}, {content["rows"]} rows',
+            {'': MetricValues(**content['metrics'])},
+            read_settings(run).settle_time,
         )
         if read_summary(run).get('complete') is True:
             typer.echo(f"{run / SUMMARY} is the recorder's own and stays")

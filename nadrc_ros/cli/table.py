@@ -13,7 +13,9 @@ from rich.text import Text
 PIPE_WIDTH = 200
 
 
-def print_figures_of_merit(title: str, metrics: Mapping[str, MetricValues]) -> None:
+def print_figures_of_merit(
+    title: str, metrics: Mapping[str, MetricValues], settle_time: float = 0.0
+) -> None:
     """Print a row for each figure and a column for each run, the lowest value in bold."""
     table = Table(box=None, pad_edge=False)
     table.add_column('')
@@ -23,6 +25,8 @@ def print_figures_of_merit(title: str, metrics: Mapping[str, MetricValues]) -> N
     for key, label, meaning in ROWS:
         values = [getattr(m, key) for m in metrics.values()]
         cells = [Text(shown(key, v), 'bold' if wins(v, values) else '') for v in values]
+        if key == 'peak_error' and settle_time:
+            meaning += f', {settle_time:.4g} s'
         table.add_row(label, Text(meaning, 'dim'), *cells)
     screen = console()
     screen.print(Text(title, 'bold'))

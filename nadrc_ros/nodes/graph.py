@@ -72,6 +72,7 @@ def node_parameters(
             'directory': str(directory),
             'duration': 0.0 if lockstep else scenario.duration,
             'error': scenario.error,
+            'settle_time': scenario.experiment().settled,
             'command_min': settings.command_min,
             'command_max': settings.command_max,
         },

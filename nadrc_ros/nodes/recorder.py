@@ -34,12 +34,13 @@ from nadrc_ros.records.recording import (
     topic_of,
     TRUTH,
 )
-from nadrc_ros.simulation.metrics import Metrics
+from nadrc_ros.simulation.metrics import MetricValues
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 FLUSH = 0.2
+METRICS = tuple(field.name for field in attrs.fields(MetricValues))
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 
@@ -97,10 +98,9 @@ class RecorderNode(LiveNode):
         self.settings = ParameterGroup(
             self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
         ).value
-        self._run = RunSettings(
-            rate=self.pacing.rate,
-            **{name: getattr(self.settings, name) for name in declared(FigureSettings)},
-        )
+        figures = {name: getattr(self.settings, name) for name in declared(FigureSettings)}
+        figures['settle_time'] = self.settings.settle_time or 0.1 * self.settings.duration
+        self._run = RunSettings(rate=self.pacing.rate, **figures)
         topics = self.settings.topics()
         self._simulated: bool = self.get_parameter('use_sim_time').value
         # Stamps are of this machine's clock.
@@ -108,7 +108,7 @@ class RecorderNode(LiveNode):
         self._columns = ['time', *topics, *self._stamps]
         self._losses = {name: Losses() for name in topics}
         self._places = Places(self.pacing.rate, stamped=not self._simulated)
-        self._senders = {name: Sender(self, f'~/{name}') for name in Metrics().values().as_dict()}
+        self._senders = {name: Sender(self, f'~/{name}') for name in METRICS}
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
@@ -137,7 +137,7 @@ class RecorderNode(LiveNode):
         write_about(self.folder.path, self._about())
         for node, values in self._watch.known.items():
             append_parameters(self.folder.path, None, node, values)
-        self.metrics = Metrics()
+        self.metrics = self._run.metrics()
         self.recording = True
         self.lost = dict.fromkeys(self._losses, 0)
         self._latest = dict.fromkeys(self._columns[1:], nan)
@@ -254,8 +254,9 @@ class RecorderNode(LiveNode):
                 self.folder.flush()
             except OSError as error:
                 self._stop_on_full_disk(error)
-        for name, value in self.metrics.values().as_dict().items():
-            self._senders[name].send(float(value))
+        values = self.metrics.values()
+        for name, sender in self._senders.items():
+            sender.send(float(getattr(values, name)))
 
     def _stop_on_full_disk(self, error: OSError) -> None:
         self.recording = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 import json
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ ESTIMATES = {
 OFF_RATE = 0.05
 # When measurement and command left their publishers [s since the start in about.json].
 STAMPS = ('measurement_stamp', 'command_stamp')
+# What an earlier version did not write and took for granted.
+EARLIER = {'settle_time': 2.0}
 
 
 class RecordingError(UserError):
@@ -74,6 +76,14 @@ class FigureSettings:
     command_max: float = number(
         1e9, -1e9, 1e9, 'command unit', 'upper limit, for the saturated fraction', live=False
     )
+    settle_time: float = number(
+        0.0,
+        0.0,
+        1e7,
+        's',
+        'from when on peak_error counts; 0 = a tenth of duration, never without one',
+        live=False,
+    )
 
 
 @attrs.frozen(kw_only=True)
@@ -81,6 +91,10 @@ class RunSettings(FigureSettings):
     """What ``run.json`` has: enough to compute the figures of merit from the samples."""
 
     rate: float = number(200.0, 1.0, 5000.0, 'Hz', 'periods per second')
+
+    def metrics(self) -> Metrics:
+        """Return the figures of merit of no sample."""
+        return Metrics(self.settle_time or inf)
 
     def add(self, metrics: Metrics, t: float, values: Mapping[str, float]) -> None:
         """Add the row of time ``t`` [s]; without a true output the measurement stands for it."""
@@ -226,7 +240,7 @@ def summarise(folder: Path) -> dict[str, Any]:
     for name in ('time', *NEEDED):
         if name not in samples.names:
             raise RecordingError(f'{SAMPLES}: no column {name}')
-    metrics, rows, periods = Metrics(), 0, 0.0
+    metrics, rows, periods = settings.metrics(), 0, 0.0
     for row in samples:
         values = dict(zip(samples.names, row))
         settings.add(metrics, values['time'], values)
@@ -269,6 +283,8 @@ def read_settings(folder: Path) -> RunSettings:
     except ValueError as error:
         raise RecordingError(f'{path.name}: {error}') from None
     known = declared(RunSettings)
+    if isinstance(content, dict):
+        content = EARLIER | content
     if not isinstance(content, dict) or content.keys() != known.keys():
         raise RecordingError(f'{path.name}: must have {", ".join(known)} and nothing else')
     return build(RunSettings, content, path.name)

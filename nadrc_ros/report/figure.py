@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from nadrc_ros.report.caption import Mark
 from nadrc_ros.report.columns import Array, Trace
-from nadrc_ros.simulation.metrics import SETTLE_TIME
 import numpy as np
 
 # Okabe and Ito's colours, safe for the colour-blind, in an order in which neighbours also differ
@@ -22,6 +21,7 @@ COLOURS = ('#E69F00', '#0072B2', '#CC79A7', '#004D40', '#56B4E9', '#D55E00')
 DASHES = ('-', '-', '--', '--', '-.', '-.')
 THICK, THIN = 1.8, 0.9
 CUT = 2.5  # times what comes later: a start larger than that is cut off
+START = 0.1  # share of the time
 LEGEND_COLUMNS = 6
 INK, GREY = '#1a1a1a', '#8a8a8a'
 WIDTH = 10.0  # inches
@@ -122,7 +122,8 @@ def render(figure: Figure, file_format: str) -> bytes:
 def frame(lines: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
     """Return the range that cuts off a start that would make all the rest look flat."""
     whole = _finite(values for _, values in lines)
-    late = _finite(values[time >= SETTLE_TIME] for time, values in lines)
+    begin = START * max(float(time[-1]) for time, _ in lines)
+    late = _finite(values[time >= begin] for time, values in lines)
     if not late.size or np.abs(whole).max() <= CUT * np.abs(late).max():
         return None
     room = 0.15 * float(np.ptp(late))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-from nadrc_ros.simulation.metrics import SETTLE_TIME
+from math import isnan
 
 ROWS = (
     ('itae', 'ITAE', 'integral of t |e|'),
@@ -12,7 +11,7 @@ ROWS = (
     ('iae', 'IAE', 'integral of |e|'),
     ('rmse', 'RMSE', 'root mean square of e'),
     ('max_error', 'max |e|', 'largest error'),
-    ('peak_error', 'peak |e|', f'largest error from {SETTLE_TIME:g} s on'),
+    ('peak_error', 'peak |e|', 'largest error after the settle time'),
     ('max_command', 'max |u|', 'largest command'),
     ('total_variation', 'TV', 'total variation of u'),
     ('saturated_fraction', 'saturated', 'share of the time'),
@@ -21,9 +20,12 @@ ROWS = (
 
 def wins(value: float, values: Sequence[float]) -> bool:
     """Tell whether a figure is the lowest of several that differ."""
-    return value == min(values) < max(values)
+    known = [each for each in values if not isnan(each)]
+    return bool(known) and value == min(known) < max(known)
 
 
 def shown(key: str, value: float) -> str:
     """Return a figure as a table shows it."""
+    if isnan(value):
+        return '-'
     return f'{100.0 * value:.1f} %' if key == 'saturated_fraction' else f'{value:.4g}'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,12 @@ from nadrc_ros.records.recording import (
 from nadrc_ros.records.source import Source
 from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, Steps
-from nadrc_ros.simulation.metrics import Metrics, MetricValues, SETTLE_TIME
+from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 
 NO_LIMITS = FigureSettings()
+# Share of a bag that is not yet settled.
+START = 0.1
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -123,10 +126,10 @@ class Subject:
 
     def figure_of_merit(self, name: str) -> float | None:
         """Return one of the figures, None where the run does not tell it."""
-        late = name == 'peak_error' and self.time[-1] < SETTLE_TIME
-        if late or (name == 'saturated_fraction' and not self.knows_limits):
+        if name == 'saturated_fraction' and not self.knows_limits:
             return None
-        return float(getattr(self.metrics, name))
+        value = float(getattr(self.metrics, name))
+        return None if isnan(value) else value
 
     def column(self, name: str) -> Array:
         """Return a column, not-a-number where it was not recorded."""
@@ -197,11 +200,11 @@ def make_subject(run: RecordedRun, history: History) -> Subject:
 def _figures(run: RecordedRun) -> RunSettings:
     if (run.path / SETTINGS).is_file():
         return read_settings(run.path)
-    return RunSettings(rate=run.rate)
+    return RunSettings(rate=run.rate, settle_time=START * float(run.columns['time'][-1]))
 
 
 def _metrics(run: RecordedRun, figures: RunSettings) -> MetricValues:
-    metrics = Metrics()
+    metrics = figures.metrics()
     columns = {name: values.tolist() for name, values in run.columns.items()}
     for row in zip(*columns.values()):
         values = dict(zip(columns, row))

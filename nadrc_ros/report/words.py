@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
+from math import isnan
 
 from nadrc_ros.report.figures_of_merit import shown
 from nadrc_ros.report.moments import Moment, text_of
 from nadrc_ros.report.subject import comparable, Subject
-from nadrc_ros.simulation.metrics import SETTLE_TIME
 
 # More runs are only counted in the title.
 NAMED = 3
@@ -57,10 +57,11 @@ def _alone(subjects: Mapping[str, Subject]) -> str:
     metrics = subject.metrics
     if not metrics.samples:
         return 'No sample has both an error and a command.'
-    if metrics.duration <= SETTLE_TIME:
+    if isnan(metrics.peak_error):
         text = f'The error stayed within {metrics.max_error:.4g}'
     else:
-        text = f'From {SETTLE_TIME:g} s on the error stayed within {metrics.peak_error:.4g}'
+        begin = f'{subject.figures.settle_time:.4g} s'
+        text = f'From {begin} on the error stayed within {metrics.peak_error:.4g}'
     text += f' (RMSE {metrics.rmse:.4g} over all); ITAE is {metrics.itae:.4g}'
     if subject.knows_limits:
         share = shown('saturated_fraction', metrics.saturated_fraction)

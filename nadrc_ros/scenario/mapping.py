@@ -29,11 +29,14 @@ KEYS = (
     'rate',
     'duration',
     'error',
+    'settle_time',
     'limits',
     'controllers',
     'retune',
 )
 NEEDED = {'plant': 'plant: paper', 'reference': 'reference: cosine', 'controllers': 'controllers:'}
+# Keys whose values are those of the scenario as they are.
+SAME = ('rate', 'duration', 'error', 'settle_time')
 FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
 LIMITS = ('command_min', 'command_max', 'command_rate_limit')
 
@@ -58,7 +61,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
             raise ScenarioError(f'the key {key} is missing, for instance `{example}`')
     spec, initial_state = _plant(given['plant'], base_dir)
     limits = _limits(given.get('limits', {}))
-    same = {key: given[key] for key in ('rate', 'duration', 'error') if key in given}
+    same = {key: given[key] for key in SAME if key in given}
     return Scenario(
         plant=spec,
         initial_state=initial_state,
@@ -92,9 +95,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
             if getattr(scenario.faults, where)
         },
         'seed': noise.seed,
-        'rate': scenario.rate,
-        'duration': scenario.duration,
-        'error': scenario.error,
+        **{key: getattr(scenario, key) for key in SAME},
         'controllers': {name: _settings(s) for name, s in scenario.controllers.items()},
         'retune': [{'time': r.time, **r.settings} for r in scenario.retunes],
     }

@@ -47,7 +47,7 @@ class Scenario:
         What goes wrong with the sensor and the actuator.
     initial_state
         x(0), zeros if left out.
-    rate, duration, error
+    rate, duration, error, settle_time
         As in :class:`Experiment`.
     controllers
         Settings by name; a name is also a ROS namespace. The plant order is that of the plant.
@@ -74,13 +74,14 @@ class Scenario:
     rate: float = _as_in_experiment('rate')
     duration: float = _as_in_experiment('duration')
     error: str = _as_in_experiment('error')
+    settle_time: float = _as_in_experiment('settle_time')
 
     def __attrs_post_init__(self) -> None:
         plant = self.plant.make()
         object.__setattr__(self, 'initial_state', _checked_state(plant, self.initial_state))
         _check_controllers(plant, self.controllers, self.rate)
-        steps = self._experiment(plant).steps
-        retunes = _checked_retunes(self.retunes, self.controllers, (steps - 1) / self.rate)
+        last = self._experiment(plant).last
+        retunes = _checked_retunes(self.retunes, self.controllers, last)
         object.__setattr__(self, 'retunes', retunes)
 
     def experiment(self) -> Experiment:
@@ -108,7 +109,11 @@ class Scenario:
         seed: int | None = None,
         noise_variance: float | None = None,
     ) -> Scenario:
-        """Return the scenario with other values; retunes after a nearer end are left out."""
+        """
+        Return the scenario with other values.
+
+        Retunes after a nearer end are left out, and so is a settle time.
+        """
         noise = {'seed': seed, 'variance': noise_variance}
         try:
             changed_noise = attrs.evolve(self.noise, **_given(noise))
@@ -116,9 +121,10 @@ class Scenario:
             raise error if error.name == 'seed' else error.inside('noise') from None
         changes = _given({'duration': duration, 'rate': rate})
         if changes:
-            # Without its retunes the shorter experiment is valid and knows its last sample.
-            bare = attrs.evolve(self, retunes=(), **changes)
-            last = (bare.experiment().steps - 1) / bare.rate
+            # Without these the shorter experiment is valid and knows its last sample.
+            bare = attrs.evolve(self, retunes=(), settle_time=0.0, **changes)
+            last = bare.experiment().last
+            changes['settle_time'] = self.settle_time if self.settle_time <= last else 0.0
             changes['retunes'] = tuple(r for r in self.retunes if r.time <= last)
         return attrs.evolve(self, noise=changed_noise, **changes)
 
@@ -134,6 +140,7 @@ class Scenario:
             rate=self.rate,
             duration=self.duration,
             error=self.error,
+            settle_time=self.settle_time,
         )
 
 

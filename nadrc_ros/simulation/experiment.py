@@ -56,11 +56,18 @@ class Experiment:
     error: str = choice(
         'reference', ('reference', 'tracking'), 'error of the metrics: r - y, or r1 - y'
     )
+    settle_time: float = number(
+        0.0, 0.0, 1e6, 's', 'from when on peak_error counts; 0 = a tenth of the duration'
+    )
 
     def __attrs_post_init__(self) -> None:
         if self.steps < 1:
             raise SettingError(
                 'duration', self.duration, f'at least {self.period!r} s, one period'
+            )
+        if self.settle_time > self.last:
+            raise SettingError(
+                'settle_time', self.settle_time, f'at most {self.last:g} s, the last sample'
             )
         if len(self.initial_state) != self.plant.states:
             raise SettingError(
@@ -76,6 +83,16 @@ class Experiment:
     def steps(self) -> int:
         """Return the number of periods N."""
         return round(self.duration * self.rate)
+
+    @property
+    def last(self) -> float:
+        """Return the time of the last sample [s]."""
+        return (self.steps - 1) / self.rate
+
+    @property
+    def settled(self) -> float:
+        """Return the time from which ``peak_error`` counts [s]."""
+        return self.settle_time or min(0.1 * self.duration, self.last)
 
     def process(self) -> Process:
         """Return the plant at its initial state."""

@@ -130,6 +130,7 @@ def _agrees(kernel: Kernel, experiment: Experiment, probes: int) -> bool:
             duration=max(PROBE_PERIODS * period, SHORTEST_RUN),
             retunes=(),
             faults=Faults(),
+            settle_time=0.0,
         )
         plain, fast = Loop(short, settings), Loop(short, settings)
         rows = np.full((2, short.steps, WIDTH), np.nan)

@@ -10,7 +10,7 @@ import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.faults import Sample
-from nadrc_ros.simulation.metrics import accumulate, SIZE
+from nadrc_ros.simulation.metrics import accumulate, sums
 from nadrc_ros.simulation.periods import first_period
 from nadrc_ros.simulation.remainder import accumulate_remainders
 from nadrc_ros.simulation.signals import Signal
@@ -67,7 +67,7 @@ class Loop:
         self.experiment = experiment
         self.process = experiment.process()
         self.controller = Controller(settings)
-        self.acc = [0.0] * SIZE
+        self.acc = sums(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)

@@ -11,7 +11,7 @@ A sample that is not finite, or would make a sum overflow, is left out of everyt
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import isfinite, isnan, nan, sqrt
 
 import attrs
 from nadrc_ros.simulation.vector import MutableVector, Vector
@@ -30,9 +30,13 @@ DURATION = 10
 SAMPLES = 11
 SKIPPED = 12
 LAST_COMMAND = 13
-SIZE = 14
+SETTLED = 14
+SIZE = 15
 
-SETTLE_TIME = 2.0
+
+def _known(value: float | None) -> float:
+    """Return a figure that a document has, nan for null."""
+    return nan if value is None else value
 
 
 @attrs.frozen(kw_only=True)
@@ -57,7 +61,7 @@ class MetricValues:
     max_error
         Largest |e| [unit of e].
     peak_error
-        Largest |e| at or after the settle time [unit of e], 0 if there was no sample so late.
+        Largest |e| at or after the settle time [unit of e], nan if there was no sample so late.
     max_command
         Largest |u| [unit of u].
     total_variation
@@ -80,7 +84,7 @@ class MetricValues:
     itse: float
     rmse: float
     max_error: float
-    peak_error: float
+    peak_error: float = attrs.field(converter=_known, eq=repr)  # nan is not equal to itself
     max_command: float
     total_variation: float
     saturated_fraction: float
@@ -88,9 +92,20 @@ class MetricValues:
     skipped: int
     duration: float
 
-    def as_dict(self) -> dict[str, float]:
-        """Return the figures by name, in order."""
-        return attrs.asdict(self)
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the figures by name, in order; None for one that there is not."""
+        return {
+            name: None if isinstance(value, float) and isnan(value) else value
+            for name, value in attrs.asdict(self).items()
+        }
+
+
+def sums(settle_time: float) -> list[float]:
+    """Return what :func:`accumulate` begins with; peak errors count from the settle time on."""
+    acc = [0.0] * SIZE
+    acc[SETTLED] = settle_time
+    acc[PEAK_ERROR] = nan
+    return acc
 
 
 def accumulate(
@@ -102,7 +117,7 @@ def accumulate(
     saturated: bool,
 ) -> None:
     """
-    Add the sample of the period [t, t + h] to the sums in ``acc``, which starts as zeros.
+    Add the sample of the period [t, t + h] to the sums in ``acc``, which :func:`sums` begins.
 
     Parameters
     ----------
@@ -144,7 +159,7 @@ def accumulate(
         acc[SATURATED] = acc[SATURATED] + h
     if size > acc[MAX_ERROR]:
         acc[MAX_ERROR] = size
-    if t >= SETTLE_TIME and size > acc[PEAK_ERROR]:
+    if t >= acc[SETTLED] and not size <= acc[PEAK_ERROR]:  # nan before the first
         acc[PEAK_ERROR] = size
     if abs(command) > acc[MAX_COMMAND]:
         acc[MAX_COMMAND] = abs(command)
@@ -173,10 +188,18 @@ def metric_values(acc: Vector) -> MetricValues:
 
 
 class Metrics:
-    """The streaming accumulator that the simulation and the recorder share."""
+    """
+    The streaming accumulator that the simulation and the recorder share.
 
-    def __init__(self) -> None:
-        self._acc = [0.0] * SIZE
+    Parameters
+    ----------
+    settle_time
+        From when on ``peak_error`` counts [s].
+
+    """
+
+    def __init__(self, settle_time: float) -> None:
+        self._acc = sums(settle_time)
 
     def add(
         self, t: float, h: float, error: float, command: float, saturated: bool = False
