@@ -6,7 +6,6 @@ from math import isfinite
 from pathlib import Path
 import re
 
-import attrs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
@@ -365,48 +364,3 @@ def test_the_demo_shows_that_nesting_wins() -> None:
     conventional, nested = (scenario.run(name).metrics for name in scenario.controllers)
     assert nested.itae < 0.6 * conventional.itae
     assert nested.peak_error < 0.6 * conventional.peak_error
-
-
-@pytest.mark.parametrize('duration', [0.02, 0.9, 30.0])
-def test_the_peak_error_is_that_after_the_settle_time_of_the_scenario(duration: float) -> None:
-    scenario = loads(SHORT.replace('none', '{signal: step, amplitude: 1}'))
-    assert scenario.experiment().settled == 0.1 * scenario.duration
-    for settle_time in (0.0, 0.4 * duration):
-        shorter = attrs.evolve(scenario, duration=duration, settle_time=settle_time)
-        if settle_time > shorter.experiment().last:
-            continue
-        result = shorter.run('it')
-        late = result.time >= shorter.experiment().settled
-        error = np.abs(result.reference - result.output)
-        assert late.any()
-        assert result.metrics.peak_error == error[late].max() > 0.0
-
-
-# ---- changes ----------------------------------------------------------------------------------
-
-
-def test_changed_leaves_retunes_out_that_lie_after_the_end() -> None:
-    scenario = loads(FULL).changed(duration=1.5, rate=50, seed=3, noise_variance=0.0)
-    assert scenario.noise == Noise(variance=0.0, sample_time=0.005, seed=3)
-    assert (scenario.duration, scenario.rate) == (1.5, 50.0)
-    assert [retune.time for retune in scenario.retunes] == [1.0]
-    assert scenario.settle_time == 0.5
-    assert loads(FULL).changed(duration=0.4).experiment().settled == 0.1 * 0.4
-    assert loads(FULL).changed() == loads(FULL)
-
-
-def test_changed_names_a_bad_value() -> None:
-    for values, name in (
-        ({'duration': -1.0}, 'duration'),
-        ({'rate': 0.0}, 'rate'),
-        ({'seed': -1}, 'seed'),
-        ({'noise_variance': -1.0}, 'noise.variance'),
-    ):
-        with pytest.raises(SettingError) as caught:
-            loads(FULL).changed(**values)
-        assert caught.value.name == name
-
-
-def test_every_run_gets_a_plant_of_its_own() -> None:
-    scenario = loads(FULL)
-    assert scenario.experiment().plant is not scenario.experiment().plant
