@@ -99,7 +99,7 @@ setup(
         ],
     },
     entry_points={
-        'console_scripts': [f'{PREFIX}{node} = {NAME}.nodes.{node}:main' for node in NODES]
+        'console_scripts': [f'{PREFIX}{node} = {NAME}.nodes.command_line:{node}' for node in NODES]
         + [f'nadrc = {NAME}.cli:main'],
     },
 )

@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 import re
 
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.node_arguments import IN_A_NAME, NAME
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 
 # What gives the namespace; of several rules the first one counts.
 NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
 # What one timer, and one way to be triggered, leave no choice in.
 SHARED = ('pacing', 'trigger', 'use_sim_time')
+DESCRIPTION = 'ADRC of one axis, or of several in one process.'
 EXAMPLES = """
-Each axis is a node of its own, /x/controller, /y/controller, ..., with its own topics,
-parameters, services, diagnostics, fault policy and trace; one timer ticks all of them.
-
-examples:
   ros2 run nadrc_ros controller --ros-args -p b0:=2.0
   ros2 run nadrc_ros controller --axes x y z --ros-args -r __ns:=/robot --params-file axes.yaml
 
+Each axis is a node of its own, /x/controller, /y/controller, ..., with its own topics,
+parameters, services, diagnostics, fault policy and trace; one timer ticks all of them.
 In the file, a key like /robot/x/controller is for one axis, and /** for all of them.
 All axes have the same trigger, and with trigger: timer the same rate; with trigger:
 measurement, and in lockstep, each goes by its own samples. If one of them fails, all
 send their safe command, and the process ends.
 """
+
+
+def axes_parser() -> NodeParser:
+    """Return what parses the command line of controllers."""
+    parser = NodeParser('controller', DESCRIPTION, EXAMPLES)
+    parser.add_argument(
+        '--axes', nargs='+', metavar='NAME', default=[], help='one controller for each name'
+    )
+    return parser
 
 
 def axes_asked(arguments: Sequence[str]) -> list[str]:
@@ -40,17 +47,7 @@ def axes_asked(arguments: Sequence[str]) -> list[str]:
         For a name that is no name, or is there twice.
 
     """
-    parser = ArgumentParser(
-        prog='controller',
-        description='ADRC of one axis, or of several in one process.',
-        epilog=EXAMPLES,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.add_argument(
-        '--axes', nargs='+', metavar='NAME', default=[], help='one controller for each name'
-    )
-    names: list[str] = parser.parse_args(remove_ros_args(list(arguments))[1:]).axes
+    names: list[str] = axes_parser().parse(arguments).axes
     for name in names:
         if not NAME.fullmatch(name):
             raise UserError(f'the axis {name!r} has no name to make a namespace of: {IN_A_NAME}')

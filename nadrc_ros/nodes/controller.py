@@ -15,7 +15,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
-from nadrc_ros.nodes.axes import axes_asked, axis_namespace, refuse_unequal
+from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
 from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, Latencies, OK, WARN
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
@@ -387,6 +387,7 @@ def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
 
 def main() -> int:
     """Run the controllers of one axis or more."""
+    axes_parser().parse(sys.argv)
     return run(lambda: make_axes(sys.argv))
 
 

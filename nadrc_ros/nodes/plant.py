@@ -11,6 +11,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
+from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import Beat, Ticker
@@ -41,6 +42,9 @@ LONGEST_STALL = 1.0
 LOGGED = 5.0
 # The stamps of samples are the middleware's.
 INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
+
+DESCRIPTION = 'A simulated plant: command in, measurement out.'
+EXAMPLE = '  ros2 run nadrc_ros plant --ros-args -p disturbance:=sine -p noise_variance:=1.0e-6'
 
 
 @attrs.frozen(kw_only=True)
@@ -321,6 +325,7 @@ def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def main() -> int:
     """Run the plant node."""
+    NodeParser('plant', DESCRIPTION, EXAMPLE).parse(sys.argv)
     return run(lambda: PlantNode(arguments=sys.argv))
 
 

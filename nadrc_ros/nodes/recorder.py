@@ -13,6 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, number, text
+from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.parameter_watch import ParameterWatch
@@ -43,6 +44,9 @@ FLUSH = 0.2
 METRICS = tuple(field.name for field in attrs.fields(MetricValues))
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
+
+DESCRIPTION = 'Writes the signals of a loop to a folder, and publishes its figures of merit.'
+EXAMPLE = '  ros2 run nadrc_ros recorder --ros-args -p directory:=runs -p duration:=10.0'
 
 
 @attrs.frozen(kw_only=True)
@@ -332,6 +336,7 @@ class RecorderNode(LiveNode):
 
 def main() -> int:
     """Run the recorder node."""
+    NodeParser('recorder', DESCRIPTION, EXAMPLE).parse(sys.argv)
     return run(lambda: RecorderNode(arguments=sys.argv))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.fields import choice, declared
+from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import Beat, Ticker
@@ -16,6 +17,9 @@ from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
+
+DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
+EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'
 
 
 @attrs.frozen(kw_only=True)
@@ -95,6 +99,7 @@ def _make_signal(values: dict[str, Any]) -> Signal:
 
 def main() -> int:
     """Run the reference node."""
+    NodeParser('reference', DESCRIPTION, EXAMPLE).parse(sys.argv)
     return run(lambda: ReferenceNode(arguments=sys.argv))
 
 

@@ -28,6 +28,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -207,7 +208,26 @@ def init_ros(arguments: list[str] | None = None) -> None:
     Where discovery is LOCALHOST, rmw_fastrtps 8.4 opens shared memory all the same.
     """
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+    arguments = list(sys.argv if arguments is None else arguments)
+    if complaint := _no_log_file():
+        arguments += ['--ros-args', '--disable-external-lib-logs']
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    if complaint:
+        get_logger('nadrc_ros').warning(complaint)
+
+
+def _no_log_file() -> str:
+    """Return why ROS can write no log file, without which it would not start; empty if it can."""
+    home = os.environ.get('ROS_HOME') or os.path.join('~', '.ros')
+    folder = os.environ.get('ROS_LOG_DIR') or os.path.join(home, 'log')
+    remedy = 'the log goes to the console only, unless ROS_LOG_DIR names a folder to write to'
+    if folder.startswith('~') and not os.environ.get('HOME'):
+        return f'there is no HOME: {remedy}'
+    try:
+        os.makedirs(folder := os.path.expanduser(folder), exist_ok=True)
+    except OSError as error:
+        return f'{folder}: {error.strerror}: {remedy}'
+    return '' if os.access(folder, os.W_OK | os.X_OK) else f'{folder}: not writable: {remedy}'
 
 
 def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
