@@ -29,7 +29,7 @@ from typing import Any
 import attrs
 from bench.processes import BARE, CONTROLLER, Process, process
 from bench.results import save, show
-from nadrc_ros.nodes.graph import private_domain
+from nadrc_ros.nodes.domain import private_domain
 from nadrc_ros.nodes.runtime import init_ros, make_executor, spin_for
 from nadrc_ros.nodes.topics import Info, receive, Sender
 import numpy as np
@@ -122,7 +122,7 @@ def main(
     seconds: float = SECONDS,
     **where: Any,
 ) -> None:
-    private_domain()
+    private_domain(keep=True)
     samples: dict[str, list[float]] = defaultdict(list)
     for count in [*counts] * turns:
         for name in ('nadrc', 'echo'):

@@ -30,7 +30,7 @@ from typing import Any
 
 from bench.processes import BARE, CONTROLLER, Process, process
 from bench.results import over, save, show
-from nadrc_ros.nodes.graph import private_domain
+from nadrc_ros.nodes.domain import private_domain
 from nadrc_ros.nodes.runtime import init_ros, make_executor, spin_for
 from nadrc_ros.nodes.topics import Info, receive, Sender
 import numpy as np
@@ -141,7 +141,7 @@ def measure(rate: float, seconds: float) -> dict[str, dict[str, list[float]]]:
 def main(
     rates: Sequence[int] = RATES, turns: int = TURNS, seconds: float = SECONDS, **where: Any
 ) -> None:
-    private_domain()
+    private_domain(keep=True)
     samples: dict[str, list[float]] = defaultdict(list)
     for rate in [*rates] * turns:
         for name, found in measure(float(rate), seconds).items():

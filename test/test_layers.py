@@ -22,7 +22,7 @@ ARROWS = {
     'report': KEPT | {'report'},
     'tuning': KEPT | {'report', 'tuning'},
 }
-ABOVE_NODES = {'tuning', 'report', 'cli'}
+ABOVE_NODES = {'tuning', 'report', 'testing', 'cli'}
 IMPURE = {
     *('rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'diagnostic_msgs', 'ament_index_python'),
     *('time', 'datetime', 'logging', 'os', 'pathlib', 'io', 'sys', 'random', 'secrets', 'socket'),
@@ -78,6 +78,8 @@ def test_an_import_only_points_down(path: Path) -> None:
 def test_nodes_know_nothing_of_what_is_asked_of_the_law() -> None:
     for path in sorted((PACKAGE / 'nodes').rglob('*.py')):
         assert not layers_imported(path) & ABOVE_NODES, path
+    for path in files('testing'):
+        assert 'cli' not in layers_imported(path), path
     for layer in ('paper', 'tuning', 'report'):
         for path in sorted((PACKAGE / layer).rglob('*.py')):
             assert 'nodes' not in layers_imported(path), path

@@ -49,7 +49,8 @@ def demo(
         whole = load(path)
     with reporting():
         try:
-            from nadrc_ros.nodes.graph import private_domain
+            from nadrc_ros.nodes.domain import private_domain
+            import rclpy  # noqa: F401
         except ImportError as error:
             from nadrc_ros.adrc.errors import UserError
 
@@ -57,7 +58,7 @@ def demo(
                 f'ROS 2 is not here ({error}): source it, or use `make demo`'
             ) from None
         scenario = changed(whole, duration=duration, rate=rate, noise_variance=noise_variance)
-        domain = private_domain()
+        domain = private_domain(keep=True)
         typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
         out.mkdir(parents=True, exist_ok=True)
         if lockstep:

@@ -153,17 +153,20 @@ class ControllerNode(LiveNode):
         if self.trace is not None:
             self.trace.settings(settings)
 
-    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
+    def enable(self, on: bool = True) -> tuple[bool, str]:
+        """Close the loop, or open it; return whether that was possible, and what came of it."""
         if self._stopping:
-            response.success, response.message = False, 'the controller is being stopped'
-            return response
-        response.success = True
-        response.message = 'enabled' if request.data else 'disabled'
-        if request.data == self.controller.enabled:
-            response.message = 'already ' + response.message
-        self.controller.enabled = request.data
+            return False, 'the controller is being stopped'
+        said = 'enabled' if on else 'disabled'
+        if on == self.controller.enabled:
+            said = 'already ' + said
+        self.controller.enabled = on
         self._estimates.look()
         self.diagnostics.publish()
+        return True, said
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
+        response.success, response.message = self.enable(request.data)
         return response
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:

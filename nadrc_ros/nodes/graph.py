@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import os
 from pathlib import Path
 import signal
 import subprocess
@@ -37,12 +36,6 @@ def node_parameters(
 ) -> dict[str, Parameters]:
     """Return the parameters of each node of the loop of controller ``name``."""
     settings = scenario.controllers[name]
-    pacing: Parameters = {'rate': scenario.rate}
-    if lockstep:
-        readers = expected_readers(settings, lockstep)
-        pacing |= {'pacing': 'lockstep', 'steps': scenario.experiment().steps}
-    else:
-        readers = {}
     plant: Parameters = {
         'plant': scenario.plant.file or scenario.plant.name,
         'plant_class': scenario.plant.class_name,
@@ -67,21 +60,43 @@ def node_parameters(
             **controller_parameters(settings, scenario.rate),
             'enabled_at_start': lockstep,
         },
-        'recorder': {
-            'inputs': ' '.join(recorded(settings)),
-            'directory': str(directory),
-            'duration': 0.0 if lockstep else scenario.duration,
-            'error': scenario.error,
-            'settle_time': scenario.experiment().settled,
-            'command_min': settings.command_min,
-            'command_max': settings.command_max,
-        },
+        'recorder': recorder_parameters(
+            settings, directory, 0.0 if lockstep else scenario.duration
+        )
+        | {'error': scenario.error, 'settle_time': scenario.experiment().settled},
     }
-    for node, parameters in nodes.items():
-        own = {topic: names for topic, (writer, names) in readers.items() if writer == node}
-        expected = '; '.join(f'{topic}: {" ".join(names)}' for topic, names in own.items())
-        parameters |= pacing | {'readers': expected}
-    return nodes
+    steps = scenario.experiment().steps if lockstep else None
+    return {
+        node: parameters | pacing(node, settings, scenario.rate, steps)
+        for node, parameters in nodes.items()
+    }
+
+
+def recorder_parameters(
+    settings: ControllerSettings, directory: Path, duration: float
+) -> Parameters:
+    """Return what makes a recorder record a loop with these settings, for so long [s]."""
+    return {
+        'inputs': ' '.join(recorded(settings)),
+        'directory': str(directory),
+        'duration': duration,
+        'command_min': settings.command_min,
+        'command_max': settings.command_max,
+    }
+
+
+def pacing(
+    node: str, settings: ControllerSettings, rate: float, steps: int | None = None
+) -> Parameters:
+    """Return what paces a node of a loop: at ``rate`` [Hz], in lockstep where ``steps`` counts."""
+    if steps is None:
+        return {'rate': rate}
+    expected = '; '.join(
+        f'{topic}: {" ".join(readers)}'
+        for topic, (writer, readers) in expected_readers(settings, lockstep=True).items()
+        if writer == node
+    )
+    return {'rate': rate, 'pacing': 'lockstep', 'steps': steps, 'readers': expected}
 
 
 def _fault_parameters(scenario: Scenario) -> Parameters:
@@ -205,10 +220,3 @@ class Loop:
                 except subprocess.TimeoutExpired:
                     self.processes[node].kill()
                     self.processes[node].wait()
-
-
-def private_domain() -> int:
-    """Keep all traffic on this machine, in a domain of its own unless one is chosen; return it."""
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    chosen = os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
-    return int(chosen)

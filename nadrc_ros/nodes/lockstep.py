@@ -75,6 +75,7 @@ class Lockstep:
         start: Callable[[], None] = lambda: None,
     ) -> None:
         self.fired = 0
+        self._until = pacing.steps
         self._node = node
         self._pacing = pacing
         self._fire = fire
@@ -112,6 +113,18 @@ class Lockstep:
         """Tell whether the run has its full length."""
         return self.fired >= self._pacing.steps
 
+    @property
+    def started(self) -> bool:
+        """Tell whether every expected reader is there."""
+        return self._started
+
+    def go_on(self, until: int | None = None) -> None:
+        """Wait for samples from now on anew, and then fire until there were ``until`` in all."""
+        self._last = time.monotonic()
+        if until is not None:
+            self._until = until
+        self._drain()
+
     def flush(self) -> None:
         """Wait until every reader has what was sent; hardly at all for a run that broke off."""
         wait = self._pacing.lockstep_timeout if self.complete else BROKEN_OFF_WAIT
@@ -130,13 +143,17 @@ class Lockstep:
         self._drain()
 
     def _drain(self) -> None:
-        while self._started and not self._node.finished and all(self._queues):
+        while self._may_fire and all(self._queues):
             self._last = time.monotonic()
             values = [queue.popleft() for queue in self._queues]
             self.fired += 1
             self._fire(values)
             if self.complete:
                 self._node.finished = True
+
+    @property
+    def _may_fire(self) -> bool:
+        return self._started and not self._node.finished and self.fired < self._until
 
     def _watch(self) -> None:
         if self._node.finished:

@@ -20,6 +20,7 @@ from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import Info, receive, Sender
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.specs import PlantSpec
+from nadrc_ros.scenario.user_plant import make_plant
 from nadrc_ros.simulation.faults import (
     CommandFault,
     Faults,
@@ -82,18 +83,26 @@ class PlantNode(LiveNode):
 
     The command that is there when a period ends acts over the whole of it. ``~/total_disturbance``
     is L = y^(n) - b0 u at the start of that period, for the plant's own b0. Periods that the timer
-    missed pass all the same, without a sample: no plant waits for a busy machine.
+    missed pass all the same, without a sample: no plant waits for a busy machine. A subclass may
+    name a class of its own as ``plant_type``, instead of a registered one or a file.
     """
 
     default_name = 'plant'
+    plant_type: type[Any] | None = None
 
     def set_up(self) -> None:
         """Declare the parameters and join the graph."""
-        self._group = ParameterGroup(self, declared(PlantSettings), self._settings)
+        fields = declared(PlantSettings)
+        if self.plant_type is not None:
+            name = self.plant_type.__name__
+            fields['plant'] = attrs.evolve(
+                fields['plant'], kind='choice', default=name, choices=(name,)
+            )
+        self._group = ParameterGroup(self, fields, self._settings)
         settings = self._group.value
         self._plants = ParameterGroup(
             self,
-            plant_fields(settings.plant, settings.plant_class),
+            plant_fields(self.plant_type or settings.plant, settings.plant_class),
             self._make_plant,
             self._change,
         )
@@ -159,6 +168,8 @@ class PlantNode(LiveNode):
         return settings
 
     def _make_plant(self, values: dict[str, Any]) -> Plant:
+        if self.plant_type is not None:
+            return make_plant(self.plant_type, values)
         settings = self._group.value
         file = settings.plant if settings.plant.endswith('.py') else ''
         name = '' if file else settings.plant

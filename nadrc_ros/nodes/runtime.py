@@ -35,6 +35,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 POLL = 0.05
+# So much longer than asked for may a spin take that waits for one callback [s].
+LONGEST_WAIT = 0.02
 LONG = 60.0
 STOP_TIME = 0.5
 # The least life of a writer after its last message, for readers that do not acknowledge.
@@ -97,7 +99,8 @@ class LiveNode(Node):
         )
         self.arguments = arguments
         try:
-            refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))
+            if arguments:
+                refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))
             self.pacing = ParameterGroup(
                 self, declared(PacingSettings), lambda values: build(PacingSettings, values)
             ).value
@@ -157,16 +160,17 @@ def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> 
     Run callbacks for some time, or until ``done`` is.
 
     An untimed spin of the EventsExecutor of rclpy 7.1.6 never returns (a time overflow, mended in
-    7.1.8), so nothing here spins without a timeout. Nor does the SingleThreadedExecutor spin until
-    a future is complete: with every callback it would add one more to those of the future.
+    7.1.8), so nothing here spins without a timeout. Nor do the others spin until a future is
+    complete: with every callback they would add one more to those of the future. They take one
+    callback at a time, and look anew at all that a node has whenever the timeout is another one.
     """
     done = done or Future()
-    if not isinstance(executor, SingleThreadedExecutor):
+    if not isinstance(executor, Executor):
         executor.spin_until_future_complete(done, timeout_sec=seconds)
         return
     end = time.monotonic() + seconds
-    while not done.done() and (left := end - time.monotonic()) > 0.0:
-        executor.spin_once(timeout_sec=left)
+    while not done.done() and time.monotonic() < end:
+        executor.spin_once(timeout_sec=min(seconds, LONGEST_WAIT))
 
 
 def stop_signals() -> list[int]:
@@ -199,7 +203,7 @@ def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> No
         spin_for(executor, LONG, done)
 
 
-def init_ros(arguments: list[str] | None = None) -> None:
+def init_ros(arguments: list[str] | None = None, context: Context | None = None) -> None:
     """
     Start ROS, with signals left to us and, unless the environment says otherwise, over UDP only.
 
@@ -211,7 +215,7 @@ def init_ros(arguments: list[str] | None = None) -> None:
     arguments = list(sys.argv if arguments is None else arguments)
     if complaint := _no_log_file():
         arguments += ['--ros-args', '--disable-external-lib-logs']
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     if complaint:
         get_logger('nadrc_ros').warning(complaint)
 

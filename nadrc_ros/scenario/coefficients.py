@@ -14,12 +14,12 @@ LARGEST = 1e12
 KINDS = {bool: 'flag', str: 'text', int: 'number', float: 'number'}
 
 
-def plant_fields(name: str, class_name: str = '') -> dict[str, Declared]:
+def plant_fields(plant: str | type[Any], class_name: str = '') -> dict[str, Declared]:
     """
     Return what is known of each coefficient of a plant, by name.
 
-    ``name`` is a registered plant or a Python file. The arguments of a plain class are described
-    by their defaults, which they must have.
+    ``plant`` is a registered plant, a Python file, or a class. The arguments of a plain class are
+    described by their defaults, which they must have.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def plant_fields(name: str, class_name: str = '') -> dict[str, Declared]:
         For an unknown plant.
 
     """
-    cls = plant_class(name, class_name)
+    cls = plant if isinstance(plant, type) else plant_class(plant, class_name)
     if attrs.has(cls) and declared(cls):
         return declared(cls)
     return {

@@ -54,7 +54,20 @@ def load_plant(
     file = os.path.abspath(path)
     with blame(file, always=True):
         cls = _choose(_plant_classes(_execute(file)), class_name, file)
-        return check_plant(_construct(cls, values or {}))
+        return make_plant(cls, values or {})
+
+
+def make_plant(cls: type[Any], values: Mapping[str, Any]) -> Plant:
+    """
+    Return a plant of a class of the user's.
+
+    Raises
+    ------
+    SettingError
+        For a coefficient that the class does not take or refuses, or a class that is no plant.
+
+    """
+    return check_plant(_construct(cls, values))
 
 
 def plant_class(name: str, class_name: str = '') -> type[Any]:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
-import fcntl
 from itertools import count
 import os
 from pathlib import Path
 import signal
-import tempfile
-from typing import IO
 
+from nadrc_ros.testing import private_domain
 from probe import Probe, Processes
 import pytest
 
 pytest.register_assert_rewrite('accounting')
-DOMAINS = range(1, 101)
 _names = count(1)
 
 
@@ -25,28 +21,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: 'test_graph_soak' not in item.nodeid)
 
 
-def _take_domain() -> IO[str]:
-    """Lock the first free domain for as long as this process lives."""
-    for domain in DOMAINS:
-        path = Path(tempfile.gettempdir(), f'nadrc_ros_domain_{domain}.lock')
-        with suppress(OSError):  # another user's: who may read it may lock it too
-            path.touch()
-        try:
-            lock = path.open()
-        except OSError:
-            continue
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.close()
-            continue
-        os.environ['ROS_DOMAIN_ID'] = str(domain)
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-        return lock
-    raise RuntimeError('all ROS domains from 1 to 100 are taken')
-
-
-_LOCK = _take_domain()
+private_domain()
 # A job in the background of a shell inherits SIGINT as ignored, one under nohup SIGHUP.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -1,0 +1,249 @@
+"""A closed loop of nodes that runs in this process, as far as it is told to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, isfinite
+import time
+from typing import Any
+
+from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.graph import expected_readers
+from nadrc_ros.nodes.node_arguments import overrides
+from nadrc_ros.nodes.operation import GraphError
+from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.nodes.reference import ReferenceNode
+from nadrc_ros.nodes.runtime import LiveNode, spin_for
+from nadrc_ros.records.recording import read_samples
+from nadrc_ros.report.timeline import referred
+from nadrc_ros.simulation.experiment import Result, Retune
+from nadrc_ros.simulation.periods import first_period
+import numpy as np
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+# How often conditions are looked at [s].
+LOOK = 0.005
+# A condition of the graph is waited for so long [s], and the loop so much longer than it runs.
+PATIENCE = 30.0
+
+
+def spin_until(executor: Executor, condition: Callable[[], Any], timeout: float = PATIENCE) -> Any:
+    """
+    Run callbacks until ``condition()`` holds, and return it.
+
+    It is looked at every few milliseconds; the spin itself always has a timeout, as an untimed one
+    of the EventsExecutor of rclpy 7.1.6 never ends.
+
+    Raises
+    ------
+    TimeoutError
+        When it does not hold within ``timeout`` [s].
+
+    """
+    end = time.monotonic() + timeout
+    while not (held := condition()):
+        if time.monotonic() > end:
+            raise TimeoutError(f'not within {timeout:g} s')
+        spin_for(executor, LOOK)
+    return held
+
+
+class RunningLoop:
+    """
+    Plant, controller, reference and recorder on one executor, and what can be done with them.
+
+    Time is that of the plant: it begins with the first command, and t_k = k / rate. In lockstep it
+    stands still while nobody asks for more; in real time it goes on with every spin, and callbacks
+    wait while nothing spins.
+
+    Attributes
+    ----------
+    plant, controller, reference, recorder
+        The nodes.
+    executor
+        Runs them; nodes of one's own can be added with :meth:`add`. Its ``context`` is theirs.
+    namespace
+        Where they are.
+    rate, duration
+        Periods per second [Hz], and length of the run [s].
+
+    """
+
+    def __init__(
+        self,
+        executor: Executor,
+        nodes: Mapping[str, Any],
+        duration: float,
+        retunes: Sequence[Retune] = (),
+    ) -> None:
+        self.executor = executor
+        self.plant: PlantNode = nodes['plant']
+        self.controller: ControllerNode = nodes['controller']
+        self.reference: ReferenceNode = nodes['reference']
+        self.recorder: RecorderNode = nodes['recorder']
+        self.namespace: str = self.controller.get_namespace()
+        self.rate: float = self.plant.pacing.rate
+        self.duration = duration
+        self._nodes: dict[str, LiveNode] = dict(nodes)
+        self._locked = [node.lockstep for node in nodes.values() if node.lockstep is not None]
+        self._pacer = self.controller.lockstep
+        self._retunes = sorted(retunes, key=lambda retune: retune.time)
+        self._others: list[Node] = []
+        # Gains b0 of plant and controller, with the times [s] from which they held.
+        self._gains: list[list[tuple[float, float]]] = [[], []]
+        self._note_gains()
+
+    @property
+    def time(self) -> float:
+        """Time of the plant [s]."""
+        return self.plant.process.k / self.rate
+
+    def add(self, node: Node) -> Any:
+        """Run a node of one's own on the same executor; it is destroyed with the loop."""
+        self._others.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def wait_until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> Any:
+        """
+        Run callbacks until ``condition()`` holds, and return it.
+
+        Raises
+        ------
+        TimeoutError
+            When it does not hold within ``timeout`` [s] of this machine's time.
+        GraphError
+            When a node fails.
+
+        """
+
+        def look() -> Any:
+            for node in self._nodes.values():
+                if node.failure:
+                    raise GraphError(f'{node.get_fully_qualified_name()}: {node.failure}')
+            for lockstep in self._locked:  # a debugger, or the caller, may have kept us
+                lockstep.go_on()
+            return condition()
+
+        return spin_until(self.executor, look, timeout)
+
+    def run_until(self, time: float) -> None:
+        """
+        Go on to the first period at or after ``time`` [s].
+
+        In lockstep all that belongs to the periods before has happened then, and nothing else.
+
+        Raises
+        ------
+        SettingError
+            For a time that is past, or after the end.
+        TimeoutError, GraphError
+            When the loop does not get there.
+
+        """
+        if not self.time <= time <= self.duration:
+            raise SettingError('time', time, f'from {self.time:g}, now, to {self.duration:g} s')
+        while self._retunes and self._retunes[0].time <= time:
+            retune = self._retunes.pop(0)
+            self._go_to(first_period(retune.time, self.rate))
+            self.set(values=retune.settings)
+        self._go_to(first_period(time, self.rate))
+
+    def finish(self) -> Result:
+        """Run to the end, and return what was recorded."""
+        self.run_until(self.duration)
+        self.wait_until(lambda: self._locked or not self.recorder.recording)
+        return self.result()
+
+    def set(
+        self, node: str = 'controller', values: Mapping[str, Any] | None = None, **more: Any
+    ) -> None:
+        """
+        Change live parameters of a node, all of them or none, as the service of the node does.
+
+        ``values`` may be nested, and is for names with a dot in them.
+
+        Raises
+        ------
+        UserError
+            With the reason, when they are refused; nothing has changed then.
+
+        """
+        parameters = overrides({**(values or {}), **more})
+        result = self._nodes[node].set_parameters_atomically(parameters)
+        if not result.successful:
+            raise UserError(result.reason)
+        self._note_gains()
+
+    def result(self) -> Result:
+        """
+        Return what was recorded so far, as :func:`~nadrc_ros.simulation.experiment.simulate` does.
+
+        Rows are by sample of the measurement: in real time a sample that got lost has none.
+        """
+        if self.recorder.recording:
+            self.recorder.folder.flush()
+        columns = {k: np.array(v) for k, v in read_samples(self.recorder.folder.path).items()}
+        levels = sorted((k for k in columns if k.startswith('level_')), key=lambda k: int(k[6:]))
+        disturbances = np.column_stack([columns.pop(level) for level in levels])
+        for stamp in [name for name in columns if name.endswith('_stamp')]:
+            del columns[stamp]
+        columns['total_disturbance'] = referred(
+            columns['time'], columns['command'], columns['total_disturbance'], *self._gains
+        )
+        return Result(
+            **columns,
+            disturbances=disturbances,
+            metrics=self.recorder.metrics.values(),
+            status_counts={
+                s.name.lower(): n for s, n in self.controller.controller.counts.items() if n
+            },
+        )
+
+    def start(self, *, enable: bool) -> None:
+        """Wait until every topic of the loop has its readers, and close the loop."""
+        if self._pacer is not None:
+            self._pacer.go_on(until=0)
+            self.wait_until(lambda: all(lockstep.started for lockstep in self._locked))
+            return
+        self.wait_until(self._joined)
+        if enable:
+            self.controller.enable()
+
+    def close(self) -> None:
+        """Send the safe command, end the recording, and take all nodes from the executor."""
+        last = [node for node in self._nodes.values() if node is not self.controller]
+        for node in (self.controller, *last):
+            node.close()
+        for node in (*self._nodes.values(), *self._others):
+            self.executor.remove_node(node)
+        for other in self._others:
+            other.destroy_node()
+
+    def _go_to(self, k: int) -> None:
+        timeout = PATIENCE + 3.0 * max(0, k - self.plant.process.k) / self.rate
+        if self._pacer is None:
+            self.wait_until(lambda: self.plant.process.k >= k, timeout)
+            return
+        self._pacer.go_on(until=k)
+        self.wait_until(lambda: all(lockstep.fired >= k for lockstep in self._locked), timeout)
+
+    def _joined(self) -> bool:
+        readers = expected_readers(self.controller.controller.settings, lockstep=False)
+        for topic, (writer, names) in readers.items():
+            full = f'{self.namespace.rstrip("/")}/{topic}'
+            for publisher in self._nodes[writer].publishers:
+                matched = publisher.get_subscription_count()
+                if publisher.topic_name == full and matched < len(names):
+                    return False
+        watch = self.controller.controller.watch
+        return isfinite(watch.measurement_age) and isfinite(watch.reference_age)
+
+    def _note_gains(self) -> None:
+        now = self.time if self._gains[0] else -inf
+        b0 = self.plant.process.plant.b0, self.controller.get_parameter('b0').value
+        for gains, value in zip(self._gains, b0):
+            gains.append((now, value))

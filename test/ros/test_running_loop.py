@@ -1,0 +1,285 @@
+"""Loops of nodes in the process of a test: what `nadrc_ros.testing` gives its users."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+import inspect
+import math
+import os
+from pathlib import Path
+import subprocess
+import sys
+import threading
+from typing import Any
+
+import attrs
+from nadrc_ros import testing
+from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.operation import GraphError
+from nadrc_ros.scenario import loads
+from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
+from nadrc_ros.simulation.faults import Faults, MeasurementFault
+from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.simulation.signals import make_signal
+from nadrc_ros.testing import loop, RunningLoop, scenario_loop
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from std_msgs.msg import Float64
+
+SCENARIO = """
+plant: {name: paper, a3: 0.2}
+reference: {signal: cosine, frequency: 0.5}
+disturbance: {signal: sine, frequency: 1.0}
+noise: {variance: 1e-4, sample_time: 0.01}
+faults:
+  measurement: [{kind: not_a_number, probability: 0.1, start: 1, duration: 1}]
+  command: [{kind: gain, size: 0.6, start: 3}]
+seed: 3
+rate: 100
+duration: 6
+limits: {command_min: -8, command_max: 8}
+retune:
+  - {time: 2.0, inner_bandwidth: 25, b0: 1.3}
+  - {time: 4.005, structure: cascade, outer_bandwidth: 15}
+controllers:
+  nested: {structure: nested, inner_bandwidth: 20, outer_bandwidth: 10}
+"""
+
+
+class Tank:
+    """A plant of one's own: y' = gain u - leak y + w."""
+
+    order = states = 1
+
+    def __init__(self, gain: float = 2.0, leak: float = 0.5) -> None:
+        self.b0 = gain
+        self.leak = leak
+
+    def derivative(self, t: float, x: Any, u: float, w: float, dx: Any) -> None:
+        dx[0] = self.b0 * u - self.leak * x[0] + w
+
+    def output(self, x: Any) -> float:
+        return float(x[0])
+
+
+def assert_same(result: Result, expected: Result) -> None:
+    """Compare bit for bit; every nan is the same one."""
+    for field in attrs.fields(Result):
+        got, wanted = getattr(result, field.name), getattr(expected, field.name)
+        if isinstance(wanted, np.ndarray):
+            assert got.shape == wanted.shape, field.name
+            bits = [np.where(np.isnan(x), np.nan, x).view(np.int64) for x in (got, wanted)]
+            assert (bits[0] == bits[1]).all(), field.name
+        else:
+            assert got == wanted, field.name
+
+
+def test_p18_lockstep_in_one_process_gives_the_bits_of_the_simulation_retunes_included() -> None:
+    scenario = loads(SCENARIO)
+    with scenario_loop(scenario, 'nested', lockstep=True) as run:
+        result = run.finish()
+    assert_same(result, scenario.run('nested'))
+    assert result.status_counts['no_measurement'] > 0 and result.disturbances.shape == (600, 2)
+
+
+SETTINGS: dict[str, Any] = {'controller_bandwidth': 4.0, 'inner_bandwidth': 25.0}
+
+
+def simulated(seconds: float, plant: Tank, retunes: tuple[Retune, ...] = ()) -> Result:
+    experiment = Experiment(
+        plant=plant,
+        reference=make_signal('sine', {'frequency': 2.0}),
+        disturbance=make_signal('constant', {'offset': 0.7}),
+        noise=Noise(variance=1e-4, seed=5),
+        initial_state=(0.5,),
+        faults=Faults(measurement=(MeasurementFault(kind='bias', size=0.1, start=0.5),)),
+        retunes=retunes,
+        rate=100.0,
+        duration=seconds,
+    )
+    return simulate(experiment, ControllerSettings(plant_order=1, b0=plant.b0, **SETTINGS))
+
+
+def tank(seconds: float, leak: float = 0.5, **more: Any) -> Any:
+    """Return the loop that `simulated` simulates."""
+    return loop(
+        plant={
+            'plant': Tank,
+            'leak': leak,
+            'initial_state': [0.5],
+            'disturbance': 'constant',
+            'disturbance_offset': 0.7,
+            'noise_variance': 1e-4,
+            'seed': 5,
+            'fault': {'measurement': {'kind': 'bias', 'size': 0.1, 'start': 0.5}},
+        },
+        controller=SETTINGS,
+        reference={'signal': 'sine', 'frequency': 2.0},
+        rate=100.0,
+        duration=seconds,
+        lockstep=True,
+        **more,
+    )
+
+
+@pytest.mark.parametrize('executor', [SingleThreadedExecutor, EventsExecutor])
+def test_p18_a_change_at_a_time_is_that_of_the_simulation(
+    executor: Callable[..., Executor],
+) -> None:
+    change = {'inner_bandwidth': 40.0, 'b0': 2.5}
+    with tank(1.0, executor=executor) as run:
+        run.run_until(0.333)  # between two periods: the next one begins at 0.34
+        assert run.time == 0.34
+        run.set(**change)
+        half = run.result()
+        result = run.finish()
+    expected = simulated(1.0, Tank(), (Retune(time=0.333, settings=change),))
+    assert_same(result, expected)
+    assert len(half.time) == 34 and (half.command == expected.command[:34]).all()
+    assert np.abs(result.command[34:] - simulated(1.0, Tank()).command[34:]).max() > 0.01
+
+
+def test_loops_of_other_parameters_in_one_process_do_not_disturb_each_other() -> None:
+    with tank(1.0, leak=0.5) as one, tank(1.0, leak=3.0, executor=one.executor) as other:
+        for time in (0.2, 0.5, 0.8):
+            one.run_until(time)
+            other.run_until(time - 0.1)
+        results = [one.finish(), other.finish()]
+        with tank(0.5, leak=1.5) as third:  # on an executor and in a context of its own
+            results.append(third.finish())
+    for result, leak, seconds in zip(results, (0.5, 3.0, 1.5), (1.0, 1.0, 0.5)):
+        assert_same(result, simulated(seconds, Tank(leak=leak)))
+
+
+@pytest.mark.parametrize('executor', [SingleThreadedExecutor, EventsExecutor])
+def test_in_real_time_a_loop_runs_by_the_clock_and_ends_by_itself(
+    executor: Callable[..., Executor],
+) -> None:
+    with loop(
+        plant='chain',
+        controller={'controller_bandwidth': 8.0},
+        reference={'signal': 'constant', 'offset': 1.0},
+        rate=50.0,
+        duration=2.0,
+        executor=executor,
+    ) as run:
+        assert run.time == 0.0 and run.controller.controller.enabled
+        run.run_until(0.5)
+        run.set('plant', {'disturbance': 'constant', 'disturbance_offset': 3.0})
+        result = run.finish()
+    assert result.time[0] == 0.0 and result.time[-1] < 2.0
+    assert len(result.time) > 50
+    assert abs(result.output[-1] - 1.0) < 0.1
+    assert result.total_disturbance[-1] == 3.0 and result.total_disturbance[5] == 0.0
+
+
+def threads() -> set[threading.Thread]:
+    return set(threading.enumerate())
+
+
+def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
+    before = threads(), dict(os.environ), rclpy.ok()
+    for values, said in (
+        ({'controller': {'b0': 2}}, 'b0 = 2: .* with a decimal point: 2.0'),
+        (
+            {'controller': {'inner_bandwith': 2.0}},
+            'inner_bandwith = 2.0: .*: inner_bandwidth,',
+        ),
+        ({'reference': 'cosin'}, "signal = 'cosin'"),
+        ({'plant': {'plant': Tank, 'leek': 1.0}}, 'leek = 1.0: .*: leak, perhaps'),
+        ({'plant': {'plant': 'tank'}}, "'tank'"),
+        ({'rate': 0.1}, 'rate = 0.1'),
+        ({'duration': 0.0}, 'duration = 0.0'),
+        ({'duration': math.inf}, 'duration = inf'),
+        ({'namespace': 'my loop'}, "namespace = 'my loop'"),
+    ):
+        arguments: dict[str, Any] = {'plant': Tank, 'directory': tmp_path} | values
+        with pytest.raises(SettingError, match=said), loop(lockstep=True, **arguments):
+            pass
+    assert not list(tmp_path.iterdir())
+    assert (threads(), dict(os.environ), rclpy.ok()) == before
+
+
+def test_a_change_that_is_refused_changes_nothing_and_time_only_goes_on() -> None:
+    with tank(0.2) as run:
+        run.run_until(0.1)
+        with pytest.raises(UserError, match='inner_bandwidth'):
+            run.set(inner_bandwidth=-1.0, b0=3.0)
+        for time in (0.05, 0.3, math.nan):
+            with pytest.raises(SettingError, match=r'from 0.1, now, to 0.2 s'):
+                run.run_until(time)
+        with pytest.raises(TimeoutError, match=r'not within 0.05 s'):
+            run.wait_until(lambda: False, timeout=0.05)
+        result = run.finish()
+    assert_same(result, simulated(0.2, Tank()))
+
+
+def test_a_node_that_fails_is_named() -> None:
+    with pytest.raises(GraphError, match='controller: on purpose'), tank(0.2) as run:
+        run.controller.fail('on purpose')
+        run.finish()
+
+
+def test_nodes_of_ones_own_take_part() -> None:
+    heard: list[float] = []
+    with tank(0.2) as run:
+        node = Node('listener', namespace=run.namespace, context=run.executor.context)
+        node.create_subscription(Float64, 'command', lambda m: heard.append(m.data), 1000)
+        run.add(node)
+        run.wait_until(lambda: node.count_publishers('command'))
+        result = run.finish()
+        run.wait_until(lambda: heard and heard[-1] == result.command[-1])
+
+
+DOMAIN = """
+import os, sys
+from nadrc_ros.testing import private_domain
+domain = private_domain()
+assert os.environ['ROS_DOMAIN_ID'] == str(domain) == str(private_domain())
+assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+print(domain, flush=True)
+sys.stdin.readline()
+os.environ['ROS_DOMAIN_ID'] = '7'
+assert private_domain(keep=True) == 7 and private_domain() == domain
+"""
+
+
+def test_every_process_gets_a_domain_of_its_own() -> None:
+    pipe = subprocess.PIPE
+    command = [sys.executable, '-c', DOMAIN]
+    started = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) for _ in range(3)]
+    domains = [int(process.stdout.readline()) for process in started if process.stdout]
+    for process in started:
+        with suppress(BrokenPipeError):
+            process.communicate('\n')
+        assert process.returncode == 0
+    assert len({*domains, testing.private_domain()}) == 4
+    assert all(1 <= domain <= 100 for domain in domains)
+
+
+PUBLIC = {
+    'loop': 'plant controller reference rate duration lockstep executor namespace directory',
+    'scenario_loop': 'scenario name lockstep executor namespace directory',
+    'private_domain': 'keep',
+    'spin_until': 'executor condition timeout',
+}
+MEMBERS = (
+    'plant controller reference recorder executor namespace rate duration time '
+    'add finish result run_until set wait_until'
+)
+
+
+def test_the_public_names_stay() -> None:
+    assert sorted(testing.__all__) == sorted([*PUBLIC, 'RunningLoop'])
+    for name, arguments in PUBLIC.items():
+        known = inspect.signature(getattr(testing, name)).parameters
+        assert ' '.join(known) == arguments
+    with tank(0.01) as run:
+        assert isinstance(run, RunningLoop)
+        assert set(MEMBERS.split()) <= {n for n in dir(run) if not n.startswith('_')}
