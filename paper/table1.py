@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from math import inf
+from math import inf, sqrt
 
 from matplotlib.figure import Figure
 from nadrc_ros.scenario import find_scenario, load, Scenario
@@ -32,8 +32,11 @@ from paper.section import Finding, Findings, Result, Section, Tell
 SEEDS, FEW_SEEDS = 256, 8
 SCENARIOS = {'G': 'paper_g', 'P': 'paper_p', 'V': 'paper_v'}
 CONTROLLERS = {'c': 'c_adrc', 'n': 'n_adrc'}
-# Declared: how far the mean may be from the printed number, and for which numbers.
-TOLERANCES = {'G': 0.05, 'P': 0.12, 'V': 0.12}
+# Declared: how far the mean may be from the printed number, and for which numbers. Its whole
+# interval of 95 % over the seeds must be inside: over 4,000 seeds that nothing was fitted to the
+# N-ADRC noisy ITAE of G is 4.3 +- 0.2 % low, and over 256 it scatters by 0.9 % about that.
+TOLERANCES = {'G': 0.06, 'P': 0.12, 'V': 0.12}
+INTERVAL = 1.96
 DECLARED = {'G': tuple(TABLE_1), 'P': tuple(ALL), 'V': tuple(ALL)}
 # A reduction is called plausible when all scenarios are this close to it, relative to it. That of
 # the noise-free ISU is reached by none: declared is this share of it at most.
@@ -65,7 +68,9 @@ def measure(tell: Tell, jobs: int, seeds: int = SEEDS) -> Result:
             'scenario': SCENARIOS[name],
             'tolerance': TOLERANCES[name],
             'table1': table,
-            'outside': [key for key in ALL if not within(table[key], TOLERANCES[name])],
+            'outside': [
+                key for key in ALL if max(map(abs, interval(table[key], seeds))) > TOLERANCES[name]
+            ],
             'reductions': reductions({key: row['mean'] for key, row in table.items()}),
             'one_period': one_period(scenario),
         }
@@ -97,9 +102,10 @@ def beside_paper(key: str, ours: Statistics) -> Statistics:
     return {'paper': ALL[key], **ours, 'relative': ours['mean'] / ALL[key] - 1.0}
 
 
-def within(number: Mapping[str, float], tolerance: float) -> bool:
-    """Tell whether a number agrees with the printed one."""
-    return abs(number['relative']) <= tolerance
+def interval(number: Mapping[str, float], seeds: int) -> tuple[float, float]:
+    """Return the 95 % interval of a mean over ``seeds``, relative to the printed number."""
+    uncertain = INTERVAL * number['std'] / (sqrt(seeds) * number['paper'])
+    return number['relative'] - uncertain, number['relative'] + uncertain
 
 
 def reductions(numbers: Mapping[str, float]) -> dict[str, float]:
@@ -171,8 +177,8 @@ def findings(result: Result) -> Findings:
     scenarios = result['scenarios']
     found = {
         f'{name}_{key}': Finding(
-            says=f'{key} in calibrated scenario {name}, relative to the paper',
-            values=table['table1'][key]['relative'],
+            says=f'{key} in calibrated scenario {name}, relative to the paper, 95 % interval',
+            values=interval(table['table1'][key], result['seeds']),
             low=-TOLERANCES[name],
             high=TOLERANCES[name],
         )
