@@ -10,6 +10,10 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.scenario import dump, load, load_plant, loads, ScenarioError
+from nadrc_ros.scenario.sweep import load_sweep, run_range
+from nadrc_ros.scenario.user_plant import plant_class
+from nadrc_ros.simulation.compiled import compiled_loop
+from nadrc_ros.simulation.kernel import _fields, _verdict, KEPT
 import numpy as np
 import pytest
 
@@ -228,6 +232,27 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
         load_plant(tmp_path / 'nothing.py')
     with pytest.raises(SettingError, match=r'plant\.file = .*directory'):
         load_plant(tmp_path)
+
+
+def test_the_file_runs_once_and_a_sweep_over_it_keeps_nothing(plant_file: Path) -> None:
+    ran = plant_file.with_name('ran')
+    source = PLAIN.replace('class Mine', f"open({str(ran)!r}, 'a').write('x')\n\nclass Mine")
+    path = scenario_with(plant_file, source, **{'duration: 3': 'duration: 0.05'})
+    scenario = load(path)
+    for name in (*scenario.controllers, *scenario.controllers):
+        scenario.run(name)
+    plant_class(str(plant_file))  # as a plant node, which declares its coefficients
+    written = plant_file.with_name('sweep.yaml')
+    values = [0.01 * i for i in range(KEPT + 20)]
+    written.write_text(f'scenario: scenario.yaml\nvary: {{plant.a1: {values}}}\n')
+    sweep = load_sweep(written)
+    sweep.check()
+    run_range(sweep, 0, 2, compiled=True)
+    kept = compiled_loop.cache_info().misses, _fields.cache_info().currsize
+    run_range(sweep, 2, len(values), compiled=True)
+    assert (compiled_loop.cache_info().misses, _fields.cache_info().currsize) == kept
+    assert _verdict.cache_info().currsize <= KEPT
+    assert ran.read_text() == 'x'
 
 
 def test_an_interrupt_is_not_taken_for_a_fault(plant_file: Path) -> None:

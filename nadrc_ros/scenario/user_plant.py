@@ -14,6 +14,7 @@ from math import isfinite
 import os
 from pathlib import Path
 import sys
+from threading import RLock
 import traceback
 from types import ModuleType
 from typing import Any
@@ -26,6 +27,9 @@ from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.simulation.plants import check_plant, Plant, plant_type
 
 LONGEST_MESSAGE = 200
+# By path: what the file said when it was executed, and the module that came of it.
+_MODULES: dict[str, tuple[bytes, ModuleType]] = {}
+_LOCK = RLock()
 
 
 def load_plant(
@@ -108,11 +112,24 @@ def blame(file: str, *, always: bool = False) -> Iterator[None]:
 
 
 def _execute(file: str) -> ModuleType:
-    """Run the file as a module; compiled from its text, so that no cache can be stale."""
+    """
+    Return the file as a module, run again only once its text has changed.
+
+    A class made anew for each plant would be compiled anew, and kept, for each.
+    """
     try:
         source = Path(file).read_bytes()
     except OSError as error:
         raise SettingError('plant.file', file, f'a Python file ({error.strerror})') from None
+    with _LOCK:
+        before, module = _MODULES.get(file, (None, None))
+        if module is None or before != source:
+            module = _run(file, source)
+            _MODULES[file] = source, module
+        return module
+
+
+def _run(file: str, source: bytes) -> ModuleType:
     # Under a name of its own: a file called math.py must not get in the way of math.
     module = ModuleType(f'_nadrc_plant_{crc32(file.encode()):08x}')
     module.__file__ = file

@@ -13,7 +13,7 @@ file changed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from inspect import getmembers, isfunction
 import marshal
@@ -41,6 +41,8 @@ LAW = (observer, feedback, differentiator, law, supervisor, controller)
 SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
 # All others are inlined, which makes the loop six times as fast; these would double the time to
 # compile for nothing.
+# So many combinations of classes are kept ready; a further one is read from disk again.
+KEPT = 64
 SELDOM = (law._refuse, law._restart, law.start, law.approach, observer.place)
 
 
@@ -65,7 +67,7 @@ def unowned(context: Any, value: Any) -> Any:
     return value(value), codegen
 
 
-@cache
+@lru_cache(KEPT)
 def compiled_loop(
     derivative: Any, output: Any, references: Any, disturbances: Any
 ) -> Callable[..., Any]:
@@ -171,12 +173,18 @@ def compiled_loop(
 
 def check_methods(methods: tuple[Any, ...], fields: tuple[Any, ...], states: int) -> None:
     """Raise if one of the methods does not compile: it takes no second, the whole loop many."""
-    derivative, output, *signals = methods
+    derivative, output, *signals = map(_alone, methods)
     x = np.array(probe_state(states, 1))
-    numba.njit(derivative)(fields[0], 0.0, x, 0.0, 0.0, np.zeros(states))
-    numba.njit(output)(fields[0], x)
+    derivative(fields[0], 0.0, x, 0.0, 0.0, np.zeros(states))
+    output(fields[0], x)
     for method, signal in zip(signals, fields[1:]):
-        numba.njit(method)(signal, 0.0, np.zeros(1))
+        method(signal, 0.0, np.zeros(1))
+
+
+@lru_cache(KEPT)
+def _alone(method: Any) -> Any:
+    """Return a method compiled by itself, once for each type of its numbers."""
+    return numba.njit(method)
 
 
 @cache

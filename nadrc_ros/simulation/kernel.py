@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Callable
 from contextlib import nullcontext
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, TYPE_CHECKING
 
 import attrs
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 PROBES = 4
 PROBE_PERIODS = 5
 SHORTEST_RUN = 1e-3
-_AGREES: dict[Any, bool] = {}
+# Sets of numbers of a user's classes that are remembered as tried: a sweep may have any number.
+KEPT = 256
 
 
 class Kernel:
@@ -106,17 +107,32 @@ def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None)
     """
     try:
         kernel = Kernel(experiment)
-        foreign = not all(m.__module__.startswith('nadrc_ros.') for m in kernel.methods)
-        key = kernel.methods, kernel.fields if foreign else None
-        if key not in _AGREES:
-            if foreign:
-                _AGREES[key] = False
-                check_methods(kernel.methods, kernel.fields, experiment.plant.states)
-            with announced(kernel.compiled, say) if say is not None else nullcontext():
-                _AGREES[key] = _agrees(kernel, experiment, PROBES if foreign else 1)
-        return kernel if _AGREES[key] else None
     except Exception:  # numba has many ways to say that it cannot
         return None
+    foreign = not all(m.__module__.startswith('nadrc_ros.') for m in kernel.methods)
+    numbers = repr(kernel.fields) if foreign else ''  # which tells 1 from 1.0, as numba does
+    verdict = _verdict(kernel.methods, numbers)
+    if not verdict:
+        verdict.append(_believed(kernel, experiment, foreign, say))
+    return kernel if verdict[0] else None
+
+
+@lru_cache(KEPT)
+def _verdict(methods: tuple[Any, ...], numbers: str) -> list[bool]:
+    """Return the list that takes the one verdict on these methods with these numbers."""
+    return []
+
+
+def _believed(
+    kernel: Kernel, experiment: Experiment, foreign: bool, say: Callable[[str], None] | None
+) -> bool:
+    try:
+        if foreign:
+            check_methods(kernel.methods, kernel.fields, experiment.plant.states)
+        with announced(kernel.compiled, say) if say is not None else nullcontext():
+            return _agrees(kernel, experiment, PROBES if foreign else 1)
+    except Exception:
+        return False
 
 
 def _agrees(kernel: Kernel, experiment: Experiment, probes: int) -> bool:
