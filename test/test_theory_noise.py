@@ -9,6 +9,7 @@ from nadrc_ros.adrc.controller import tick
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.law import blank_state
 from nadrc_ros.adrc.supervisor import Watch
+from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop
 from nadrc_ros.adrc.theory.equal_noise import (
     crossover,
     equal_noise_bandwidths,
@@ -18,7 +19,6 @@ from nadrc_ros.adrc.theory.equal_noise import (
 )
 from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.noise import (
-    command_variance,
     disturbance_variance,
     estimate_covariance,
     output_covariance,
@@ -81,7 +81,8 @@ def test_variances_of_a_long_run_of_the_loop(structure: str, compiled: Any) -> N
         structure=structure, inner_bandwidth=30.0, outer_bandwidth=20.0, controller_bandwidth=5.0
     )
     commands, disturbances = simulate(compiled, design)
-    assert np.var(commands) == pytest.approx(command_variance(design, H), rel=0.03)
+    predicted = command_variance(delayed_loop(design, chain(design.order, design.b0), H))
+    assert np.var(commands) == pytest.approx(predicted, rel=0.03)
     assert np.var(disturbances) == pytest.approx(disturbance_variance(design, H), rel=0.03)
 
 
@@ -150,5 +151,4 @@ def test_covariances_of_what_is_known() -> None:
     assert output_covariance(lag._replace(a=one)) == np.inf
     with pytest.raises(ValueError):
         output_covariance(lag._replace(d=one))
-    unstable = chain(2, 30.0)
-    assert command_variance(design_of(), H, plant=unstable) == np.inf
+    assert command_variance(delayed_loop(design_of(), chain(2, 30.0), H)) == np.inf

@@ -9,7 +9,6 @@ from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.theory.system import (
     Complex,
     growth,
-    pick,
     poles,
     StateSpace,
     zero_order_hold,
@@ -36,10 +35,11 @@ def closed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0)
 
     ``plant`` is continuous, one input, one output, without feedthrough, sampled with the command
     held and ``delay`` [s], or sampled so already; ``load`` adds to the command on its way to the
-    plant, unseen by the observers. States: those of the plant, then those of
-    :func:`transfer.controller`.
+    plant, unseen by the observers. States: those of the plant, with one for each period of the
+    delay (of a long one see :mod:`delayed`), then those of :func:`transfer.controller`.
     """
-    p, k = _sampled(plant, h, delay), controller(design, h)
+    p = plant if plant.h == h and delay == 0.0 else zero_order_hold(plant, h, delay)
+    k = controller(design, h)
     n, m = len(p.a), len(k.a)
     by, br = k.b[:, :1], k.b[:, 1:]
     dy, dr = k.d[:, :1], k.d[:, 1:]
@@ -59,17 +59,6 @@ def loop_poles(design: Design, plant: StateSpace, h: float, delay: float = 0.0) 
 def loop_growth(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> float:
     """Return max |z| of the closed loop: below 1 it is stable."""
     return growth(closed_loop(design, plant, h, delay))
-
-
-def open_loop(
-    design: Design, plant: StateSpace, h: float, delay: float = 0.0
-) -> tuple[StateSpace, StateSpace]:
-    """Return u -> y of the sampled plant and y -> u of the controller; K P = -their product."""
-    return _sampled(plant, h, delay), pick(controller(design, h), [0], [0])
-
-
-def _sampled(plant: StateSpace, h: float, delay: float) -> StateSpace:
-    return plant if plant.h == h and delay == 0.0 else zero_order_hold(plant, h, delay)
 
 
 def gain_interval(

@@ -15,10 +15,10 @@ from math import inf, isfinite, pi
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.loop import loop_growth, open_loop
-from nadrc_ros.adrc.theory.norms import frequency_grid
-from nadrc_ros.adrc.theory.system import Array, Complex, frequency_response, StateSpace
+from nadrc_ros.adrc.theory.delayed import delayed_loop, is_stable_loop, loop_grid, open_response
+from nadrc_ros.adrc.theory.system import Array, Complex, StateSpace
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize
 
 
@@ -44,6 +44,10 @@ class Margins(NamedTuple):
         return {k: v if isfinite(v) else None for k, v in self._asdict().items()}
 
 
+Indices = NDArray[np.intp]
+# |L| of two points of the grid between which a crossing lies, one over the other at most: its
+# logarithm.
+NEAR = 3.0
 UNSTABLE = Margins(1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -51,20 +55,21 @@ def margins(
     design: Design, plant: StateSpace, h: float, delay: float = 0.0, points: int = 3000
 ) -> Margins:
     """Return the :class:`Margins` of the loop with the continuous ``plant`` at period ``h``."""
-    if loop_growth(design, plant, h, delay) >= 1.0:
+    closed = delayed_loop(design, plant, h, delay)
+    if not is_stable_loop(closed):
         return UNSTABLE
-    p, k = open_loop(design, plant, h, delay)
-    of_plant, of_law = frequency_response(p), frequency_response(k)
-
-    def loop(omega: Array | float) -> Complex:
-        return np.asarray(-of_plant(omega)[..., 0, 0] * of_law(omega)[..., 0, 0])
-
-    omega = frequency_grid(p, k, points=points)
+    loop = open_response(closed)
+    omega = loop_grid(closed, points)
     values = loop(omega)
-    size, height = np.log(np.abs(values)), values.imag
-    crossings = _roots(omega, size, lambda w: float(np.log(np.abs(loop(w)))))
+    size = np.log(np.abs(values))
+    brackets = _changes(size)
+    crossings = _roots(omega, brackets, lambda w: float(np.log(np.abs(loop(w)))))
     angles = [float(np.angle(-loop(w))) for w in crossings]  # of L, from -180 degrees
-    real = [float(loop(w).real) for w in _roots(omega, height, lambda w: float(loop(w).imag))]
+    # Of all the turns of a dead time only the crossings near the largest below 1 limit the gain.
+    brackets = _changes(values.imag)
+    inside = size[brackets][size[brackets] < 0.0]
+    brackets = brackets[size[brackets] >= inside.max(initial=-inf) - NEAR]
+    real = [float(loop(w).real) for w in _roots(omega, brackets, lambda w: float(loop(w).imag))]
     real.append(float(loop(pi / h).real))
     factors = [-1.0 / value for value in real if value < 0.0]
     return Margins(
@@ -77,12 +82,16 @@ def margins(
     )
 
 
-def _roots(omega: Array, values: Array, function: Callable[[float], float]) -> list[float]:
-    """Return where ``function`` changes sign, each bracketed by two points of the grid."""
-    changes = np.nonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))[0]
+def _changes(values: Array) -> Indices:
+    """Return after which points of a grid the sign changes."""
+    return np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
+
+
+def _roots(omega: Array, brackets: Indices, function: Callable[[float], float]) -> list[float]:
+    """Return where ``function`` changes sign after points of the grid."""
     return [
         float(optimize.brentq(function, omega[i], omega[i + 1], rtol=1e-12))
-        for i in changes
+        for i in brackets
         if function(omega[i]) * function(omega[i + 1]) < 0.0
     ]
 

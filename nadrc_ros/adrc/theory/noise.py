@@ -1,9 +1,8 @@
-"""What measurement noise does: variances from the Lyapunov equation."""
+"""What measurement noise does to estimates: variances from the Lyapunov equation."""
 
 from __future__ import annotations
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.loop import chain, closed_loop
 from nadrc_ros.adrc.theory.model import disturbance_weights
 from nadrc_ros.adrc.theory.system import Array, balanced, is_stable, pick, StateSpace
 from nadrc_ros.adrc.theory.transfer import observer
@@ -46,20 +45,3 @@ def disturbance_variance(design: Design, h: float = 0.0, variance: float = 1.0) 
     """Return the variance of d_1 + ... + d_K; over S w^5 it is 3/16 for one level and n = 2."""
     row = disturbance_weights(design)
     return float(row @ estimate_covariance(design, h, variance) @ row)
-
-
-def command_variance(
-    design: Design,
-    h: float,
-    variance: float = 1.0,
-    plant: StateSpace | None = None,
-    delay: float = 0.0,
-) -> float:
-    """
-    Return the variance of the command in the closed loop, with the plant of the design by default.
-
-    White measurement noise of the given variance, a new value each period ``h`` [s]; ``delay`` [s]
-    as in :func:`loop.closed_loop`. Infinite for an unstable loop.
-    """
-    loop = closed_loop(design, plant or chain(design.order, design.b0), h, delay)
-    return float(output_covariance(pick(loop, [0], [1]), variance)[0, 0])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, inf, log2, pi
 
 from nadrc_ros.adrc.theory.system import (
     Array,
     balanced,
+    Complex,
     frequency_response,
     held,
     is_stable,
@@ -15,6 +17,7 @@ from nadrc_ros.adrc.theory.system import (
     StateSpace,
 )
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize
 
 GRID = 1500
@@ -27,20 +30,22 @@ def h_infinity_norm(system: StateSpace) -> float:
     """
     Return the largest singular value of the response over all frequencies; inf when unstable.
 
-    Found on a logarithmic grid around the poles, and every peak of it refined.
+    Found on a logarithmic grid around the poles.
     """
     if not is_stable(system):
         return inf
-    omega = frequency_grid(system)
-    at = frequency_response(system)
+    best = peak(frequency_response(system), frequency_grid(system))
+    return max(best, float(np.linalg.norm(system.d, 2))) if system.h == 0.0 else best
+
+
+def peak(at: Callable[[ArrayLike], Complex], omega: Array) -> float:
+    """Return the largest singular value of a response at 0 and around ``omega``, sorted."""
 
     def gain(w: float) -> float:
         return float(np.linalg.norm(at(w), 2))
 
     gains = np.linalg.norm(at(omega), 2, axis=(1, 2))
     best = max(float(gains.max()), gain(0.0))
-    if system.h == 0.0:
-        best = max(best, float(np.linalg.norm(system.d, 2)))
     for i in range(1, len(omega) - 1):
         if gains[i] >= max(gains[i - 1], gains[i + 1], 0.9 * best):
             found = optimize.minimize_scalar(

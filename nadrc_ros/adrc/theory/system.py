@@ -33,9 +33,15 @@ def pick(system: StateSpace, inputs: Sequence[int], outputs: Sequence[int]) -> S
     return system._replace(b=system.b[:, list(inputs)], c=system.c[list(outputs)], d=d)
 
 
+def balance(a: Array) -> Array:
+    """Return the powers of two by which states are scaled to make a matrix of even entries."""
+    _, (scale, _) = linalg.matrix_balance(a, permute=False, separate=True)
+    return np.asarray(scale, dtype=float)
+
+
 def balanced(system: StateSpace) -> StateSpace:
     """Return the same system in coordinates of comparable size (powers of two: exact)."""
-    _, (scale, _) = linalg.matrix_balance(system.a, permute=False, separate=True)
+    scale = balance(system.a)
     return system._replace(
         a=system.a * scale / scale[:, None], b=system.b / scale[:, None], c=system.c * scale
     )
@@ -115,11 +121,12 @@ def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSp
     n, m = system.b.shape
     whole = int(delay / h * (1.0 + 1e-12))
     late = max(delay - whole * h, 0.0)
-    a, _ = held(system, h)
-    _, new = held(system, h - late)
-    _, older = held(system, late)
-    old = held(system, h - late)[0] @ older
-    waiting = whole + (1 if late > 1e-12 * h else 0)
+    if late <= 1e-12 * h:
+        late = 0.0
+    after, new = held(system, h - late)
+    before, older = held(system, late) if late > 0.0 else (np.eye(n), np.zeros((n, m)))
+    a, old = after @ before, after @ older
+    waiting = whole + (late > 0.0)
     size = n + waiting * m
     big = np.zeros((size, size))
     big[:n, :n] = a

@@ -24,12 +24,13 @@ from nadrc_ros.tuning.design.limits import (
     LIMITS,
     MOST,
     noise_gain,
+    nominal_loop,
     robust_enough,
     slow_enough,
     SLOWEST_SHARE,
     Test,
 )
-from nadrc_ros.tuning.design.prediction import nominal_loop, predict, Prediction, rejection
+from nadrc_ros.tuning.design.prediction import predict, Prediction, rejection
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 from nadrc_ros.tuning.rules import LARGEST_W_H
 import numpy as np

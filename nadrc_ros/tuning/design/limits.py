@@ -9,9 +9,9 @@ import attrs
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop, Loop
 from nadrc_ros.adrc.theory.loop import chain, loop_growth
 from nadrc_ros.adrc.theory.margins import margins
-from nadrc_ros.adrc.theory.noise import command_variance
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     settings_of,
@@ -34,10 +34,14 @@ SLOWEST_WC, FASTEST_WC = 1.01 * LEAST / SLOWEST_SHARE, MOST / SLOWEST
 Test = Callable[[Design, Requirements], bool]
 
 
+def nominal_loop(design: Design, wanted: Requirements) -> Loop:
+    """Return the loop with the right b0, and the delay that is known."""
+    return delayed_loop(design, chain(wanted.order, wanted.b0), wanted.period, wanted.delay)
+
+
 def noise_gain(design: Design, wanted: Requirements) -> float:
     """Return the standard deviation of the command over that of the noise, in closed loop."""
-    plant = chain(wanted.order, wanted.b0)
-    return float(command_variance(design, wanted.period, 1.0, plant, wanted.delay) ** 0.5)
+    return float(command_variance(nominal_loop(design, wanted)) ** 0.5)
 
 
 def slow_enough(design: Design, wanted: Requirements) -> bool:

@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import NamedTuple
 
-from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.loop import chain, closed_loop, open_loop
+from nadrc_ros.adrc.theory.delayed import (
+    closed_response,
+    COMMAND,
+    LOAD,
+    Loop,
+    loop_grid,
+    NOISE,
+    open_response,
+    OUTPUT,
+    REFERENCE,
+    step_responses,
+)
+from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.margins import Margins, margins
-from nadrc_ros.adrc.theory.norms import h_infinity_norm
-from nadrc_ros.adrc.theory.system import Array, Complex, pick, response, StateSpace
+from nadrc_ros.adrc.theory.norms import GRID, peak
+from nadrc_ros.adrc.theory.system import Array, Complex
 from nadrc_ros.tuning.design.bandwidths import BAND
-from nadrc_ros.tuning.design.limits import noise_gain
+from nadrc_ros.tuning.design.limits import noise_gain, nominal_loop
 from nadrc_ros.tuning.design.requirements import Requirements
-from nadrc_ros.tuning.design.responses import settling_time, step_response, thinned
 import numpy as np
 from numpy.typing import ArrayLike
 
-NOISE, LOAD, REFERENCE = 0, 1, 2  # inputs of the closed loop
-OUTPUT, COMMAND = 0, 1
 BAND_POINTS = 100
+# In settling times: how long a response is followed at first.
+FOLLOWED = 3.0
 
 
 class Prediction(NamedTuple):
@@ -54,49 +66,55 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
     """Return the figures of a stable loop with these settings."""
     design = make_design(settings)
     loop = nominal_loop(design, wanted)
-    reference = thinned(pick(loop, [REFERENCE], [OUTPUT]))
+    at = closed_response(loop)
+    lasting = FOLLOWED * wanted.settling_time
+    (load, reference), step = step_responses(loop, [LOAD, REFERENCE], lasting)
+    if wanted.disturbance_frequency > 0.0:
+        band = wanted.disturbance_frequency * np.geomspace(0.01, 1.0, BAND_POINTS)
+        left = float(rejection(loop, wanted, band).max())
+    else:
+        left = float(np.abs(load / wanted.b0).sum()) * step
     return Prediction(
         command_noise=noise_gain(design, wanted) * wanted.noise_std,
-        error=disturbance_error(loop, wanted),
-        settling_time=settling_time(step_response(reference), reference.h, BAND),
-        margins=margins(design, _plant(wanted), wanted.period, wanted.delay),
-        input_gain_margin=1.0 / h_infinity_norm(pick(loop, [LOAD], [COMMAND])),
+        error=wanted.disturbance * left,
+        settling_time=settling_time(reference, step, BAND),
+        margins=margins(design, chain(wanted.order, wanted.b0), wanted.period, wanted.delay),
+        input_gain_margin=1.0
+        / peak(
+            lambda omega: at(omega)[..., [COMMAND], :][..., [LOAD]],
+            loop_grid(loop, GRID),
+        ),
     )
 
 
-def nominal_loop(design: Design, wanted: Requirements) -> StateSpace:
-    """Return (noise, disturbance / b0, r, r', ...) -> (output, command) with the known delay."""
-    return closed_loop(design, _plant(wanted), wanted.period, wanted.delay)
+def settling_time(response: Array, h: float, band: float) -> float:
+    """
+    Return when a response last enters its final value 1 +- ``band`` [s], inf if it never stays.
+
+    Between two samples ``h`` apart the error is taken as a straight line.
+    """
+    error = np.abs(response - 1.0)
+    outside = np.flatnonzero(error > band)
+    if not outside.size:
+        return 0.0
+    last = int(outside[-1])
+    if last + 1 == len(error):
+        return inf
+    share = (error[last] - band) / (error[last] - error[last + 1])
+    return float((last + share) * h)
 
 
-def disturbance_error(loop: StateSpace, wanted: Requirements) -> float:
-    """Return what the disturbance leaves of the output: see :class:`Prediction`."""
-    if wanted.disturbance_frequency > 0.0:
-        band = wanted.disturbance_frequency * np.geomspace(0.01, 1.0, BAND_POINTS)
-        return wanted.disturbance * float(rejection(loop, wanted, band).max())
-    load = thinned(pick(loop, [LOAD], [OUTPUT]))
-    left = step_response(load) / wanted.b0
-    return wanted.disturbance * float(np.abs(left).sum()) * load.h
-
-
-def rejection(loop: StateSpace, wanted: Requirements, omega: ArrayLike) -> Array:
+def rejection(loop: Loop, wanted: Requirements, omega: ArrayLike) -> Array:
     """Return |y / disturbance| [output unit / unit of y^(n)] at ``omega`` [rad/s]."""
-    part = response(pick(loop, [LOAD], [OUTPUT]), omega)[..., 0, 0]
-    return np.abs(part / wanted.b0)
+    return np.abs(closed_response(loop)(omega)[..., OUTPUT, LOAD] / wanted.b0)
 
 
 def curves(settings: ControllerSettings, wanted: Requirements, omega: Array) -> Curves:
     """Return the frequency responses of the loop."""
-    design = make_design(settings)
-    loop = nominal_loop(design, wanted)
-    p, k = open_loop(design, _plant(wanted), wanted.period, wanted.delay)
+    loop = nominal_loop(make_design(settings), wanted)
     return Curves(
         omega=omega,
         disturbance_to_output=rejection(loop, wanted, omega),
-        noise_to_command=np.abs(response(pick(loop, [NOISE], [COMMAND]), omega)[:, 0, 0]),
-        loop=-response(p, omega)[:, 0, 0] * response(k, omega)[:, 0, 0],
+        noise_to_command=np.abs(closed_response(loop)(omega)[:, COMMAND, NOISE]),
+        loop=open_response(loop)(omega),
     )
-
-
-def _plant(wanted: Requirements) -> StateSpace:
-    return chain(wanted.order, wanted.b0)

@@ -6,10 +6,9 @@ The observer bandwidth is the largest that three rules allow:
 * rate: w h <= 0.3. The sampled observer then still does what its continuous design says, with a
   lag of the hold well below that of the observer.
 * lateness: w T <= 0.3 for a delay or lag T, for the same reason.
-* noise: the command scatters by at most 5 % of the span that it had in the log. Its variance is
-  that of the closed loop by the Lyapunov equation, :func:`nadrc_ros.adrc.theory.noise
-  .command_variance`; it grows about as w^(2 n + 1) (Gao, Scaling and bandwidth-parameterization,
-  2003, gives the trade-off, not the number).
+* noise: the command scatters by at most 5 % of the span that it had in the log. Its variance,
+  :func:`nadrc_ros.adrc.theory.delayed.command_variance`, grows about as w^(2 n + 1) (Gao, Scaling
+  and bandwidth-parameterization, 2003, gives the trade-off, not the number).
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop
 from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.margins import Margins, margins
-from nadrc_ros.adrc.theory.noise import command_variance
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
@@ -190,7 +189,10 @@ def _quiet(plant: Plant, settings: ControllerSettings, highest: float, span: flo
 
     def excess(logarithm: float) -> float:
         design = make_design(_with_bandwidth(settings, float(np.exp(logarithm))))
-        variance = command_variance(design, plant.period, plant.noise**2)
+        nominal = chain(plant.order, settings.b0)
+        late = plant.lateness.value if plant.lateness else 0.0
+        loop = delayed_loop(design, nominal, plant.period, late)
+        variance = command_variance(loop, plant.noise**2)
         return 0.5 * float(np.log(variance)) - float(np.log(NOISE_SHARE * span))
 
     lowest = highest * 1e-3

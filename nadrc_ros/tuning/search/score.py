@@ -13,7 +13,6 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.margins import Margins, margins
-from nadrc_ros.adrc.theory.system import StateSpace, zero_order_hold
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.user_plant import blame
 from nadrc_ros.simulation.experiment import Experiment
@@ -94,7 +93,6 @@ class Judge:
         count = tuning.seeds if scenario.noise.variance > 0.0 else 1
         self.seeds = range(FIRST_SEED, FIRST_SEED + count)
         self._corners: list[Corner] = []
-        self._sampled: StateSpace | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, '_corners': []}  # a user's plant cannot be sent
@@ -141,12 +139,9 @@ class Judge:
 
     def margins(self, settings: ControllerSettings) -> Margins:
         """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
-        h = 1.0 / self.scenario.rate
-        if self._sampled is None:  # once for all designs: it takes as long as everything else
-            plant = self.corners[0].experiment.plant
-            delay = self.scenario.faults.delay(self.scenario.rate)
-            self._sampled = zero_order_hold(chain(plant.order, plant.b0), h, delay)
-        return margins(make_design(settings), self._sampled, h, 0.0, GRID)
+        plant, rate = self.corners[0].experiment.plant, self.scenario.rate
+        nominal, delay = chain(plant.order, plant.b0), self.scenario.faults.delay(rate)
+        return margins(make_design(settings), nominal, 1.0 / rate, delay, GRID)
 
     def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
         runs = [self._runs(settings, self.seeds[:1], corner) for corner in self.corners]

@@ -1,0 +1,224 @@
+"""
+The closed loop behind a dead time of any length, as frequency responses and what follows of them.
+
+The whole periods m of the dead time are a factor z^-m, and only what is left of it is a part of
+the sampled plant. So nothing here grows with m: with the states x of plant and law
+
+    z x = (A + z^-m A_late) x + (B + z^-m B_late) (noise, load, r, r', ..., r^(n)),
+
+stability is a number of turns (Nyquist), a variance an integral over frequency (Parseval), a
+response in time an inverse transform. Inputs and outputs are those of :func:`loop.closed_loop`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, inf, log2, pi
+from typing import NamedTuple
+
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.theory.loop import closed_loop
+from nadrc_ros.adrc.theory.norms import frequency_grid
+from nadrc_ros.adrc.theory.system import (
+    Array,
+    balance,
+    Complex,
+    frequency_response,
+    is_stable,
+    pick,
+    StateSpace,
+    zero_order_hold,
+)
+from nadrc_ros.adrc.theory.transfer import controller
+import numpy as np
+from numpy.typing import ArrayLike
+
+NOISE, LOAD, REFERENCE = 0, 1, 2  # inputs
+OUTPUT, COMMAND = 0, 1
+# Radians that z^-m turns between two points of a grid, as long as |L| is above MATTERS; and so
+# many points at most. A loop that needs more turns far more often than its poles make up for.
+TURN, MATTERS, MOST_POINTS = 0.25, 0.3, 20_000
+GRID, REFINED = 400, 30
+# Quadrature: points of a panel, panels of a decade; relative change with twice as many.
+NODES, PANELS, AGREED, DOUBLED = 8, 4, 1e-7, 6
+# Samples of a response in time, what is left of it at the end, how often it may take twice as
+# long, and the exponent by which it is damped over twice its time.
+MOST_SAMPLES, DECAYED, LONGER, DAMPED = 8192, 1e-6, 20, 7.0
+
+
+class Loop(NamedTuple):
+    """The sampled ``plant`` and the ``law``, and by how many ``late`` periods the command acts."""
+
+    plant: StateSpace
+    law: StateSpace
+    late: int
+    closed: StateSpace  # with none of these periods
+
+    @property
+    def h(self) -> float:
+        """Sample period [s]."""
+        return self.plant.h
+
+    @property
+    def dead_time(self) -> float:
+        """Whole periods of it [s]."""
+        return self.late * self.h
+
+
+def delayed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> Loop:
+    """Return the loop with the continuous ``plant`` at period ``h``, ``delay`` [s] before it."""
+    late = int(delay / h * (1.0 + 1e-12))
+    sampled = zero_order_hold(plant, h, max(delay - late * h, 0.0))
+    return Loop(sampled, controller(design, h), late, closed_loop(design, sampled, h))
+
+
+def open_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
+    """Return L as a function of omega [rad/s]: negative feedback, -1 is critical."""
+    plant = frequency_response(loop.plant)
+    law = frequency_response(pick(loop.law, [0], [0]))
+
+    def at(omega: ArrayLike) -> Complex:
+        late = np.exp(-1j * loop.dead_time * np.asarray(omega))
+        return np.asarray(-plant(omega)[..., 0, 0] * late * law(omega)[..., 0, 0])
+
+    return at
+
+
+def closed_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
+    """Return the response (..., outputs, inputs) as a function of omega, which may be complex."""
+    matrix, drive, c = _matrices(loop)
+
+    def at(omega: ArrayLike) -> Complex:
+        s = 1j * np.asarray(omega, dtype=np.complex128)
+        states = np.linalg.solve(matrix(s), drive(s))
+        return np.asarray(c @ states + loop.closed.d)
+
+    return at
+
+
+def _matrices(
+    loop: Loop,
+) -> tuple[Callable[[Complex], Complex], Callable[[Complex], Complex], Array]:
+    """Return z - A - z^-m A_late and B + z^-m B_late as functions of s, z = exp(s h), and c."""
+    closed, n = loop.closed, len(loop.plant.a)
+    scale = balance(closed.a)
+    rows = np.arange(len(closed.a)) < n
+    plant = np.zeros_like(closed.a)
+    plant[:n, :n] = loop.plant.a
+    # What the rows of the plant have beside its own states came with the command.
+    by_command = np.where(rows[:, None], closed.a - plant, 0.0)
+    a, a_late = (m * scale / scale[:, None] for m in (closed.a - by_command, by_command))
+    b = closed.b / scale[:, None]
+    one = np.eye(len(a))
+    b_late, b_now = (np.where(mask[:, None], b, 0.0) for mask in (rows, ~rows))
+
+    def late(s: Complex) -> Complex:
+        return np.asarray(np.exp(-loop.dead_time * s)[..., None, None])
+
+    def matrix(s: Complex) -> Complex:
+        shift = np.expm1(s * loop.h)[..., None, None]
+        return np.asarray(shift * one - (a - one) - late(s) * a_late)
+
+    return matrix, lambda s: np.asarray(b_now + late(s) * b_late), closed.c * scale
+
+
+def is_stable_loop(loop: Loop) -> bool:
+    """
+    Tell whether all poles of the loop, those of the dead time included, are inside the circle.
+
+    Without whole periods by the poles. Else by the argument principle: det(z - A - z^-m A_late)
+    z^m is a polynomial of degree N + m, so all its zeros are inside if and only if its argument
+    grows by (N + m) pi over the half circle, of which z^m has m pi.
+    """
+    if loop.late == 0:
+        return is_stable(loop.closed)
+    omega = loop_grid(loop, GRID)
+    if len(omega) > MOST_POINTS:
+        return False
+    matrix, *_ = _matrices(loop)
+
+    def phase(omega: Array) -> Complex:
+        s = np.asarray(1j * omega, dtype=np.complex128)
+        return np.asarray(np.linalg.slogdet(matrix(s)).sign, dtype=np.complex128)
+
+    # From z = 1 to z = -1, where the determinant is real.
+    omega = np.concatenate([[0.0], omega])
+    phases = phase(omega)
+    for _ in range(REFINED):
+        steps = np.angle(phases[1:] * phases[:-1].conj())
+        far = np.flatnonzero(np.abs(steps) > 1.0)
+        if not far.size:
+            return round(float(steps.sum()) / pi) == len(loop.closed.a)
+        middle = 0.5 * (omega[far] + omega[far + 1])
+        omega = np.insert(omega, far + 1, middle)
+        phases = np.insert(phases, far + 1, phase(middle))
+    return False  # a pole on the circle
+
+
+def loop_grid(loop: Loop, points: int) -> Array:
+    """Return frequencies [rad/s] around all poles up to pi / h, dense where z^-m turns L."""
+    omega = frequency_grid(loop.plant, loop.law, points=points)
+    if loop.late == 0:
+        return omega
+    matters = omega[np.abs(open_response(loop)(omega)) > MATTERS]
+    turns = loop.dead_time * float(matters.max(initial=0.0)) / TURN
+    even = np.linspace(0.0, turns, min(ceil(turns), MOST_POINTS) + 1)[1:] * TURN / loop.dead_time
+    return np.unique(np.concatenate([omega, even[even < omega[-1]]]))
+
+
+def command_variance(loop: Loop, variance: float = 1.0) -> float:
+    """
+    Return the variance of the command under white measurement noise; inf for an unstable loop.
+
+    The integral of |u / noise|^2 over omega h from 0 to pi, over pi, by Gauss's rule on panels of
+    equal ratio, whose number is doubled until it makes no difference.
+    """
+    if not is_stable_loop(loop):
+        return inf
+    at = closed_response(loop)
+    grid = frequency_grid(loop.plant, loop.law, points=2)
+    low, high = float(grid[0]), pi / loop.h
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    count, found, before = ceil(PANELS * np.log10(high / low)), 0.0, inf
+    for _ in range(DOUBLED):
+        edges = np.concatenate([[0.0], np.geomspace(low, high, count + 1)])
+        half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+        density = np.abs(at(middle[:, None] + half[:, None] * nodes)[..., COMMAND, NOISE]) ** 2
+        found = float(half @ density @ weights) * loop.h / pi
+        if abs(found - before) <= AGREED * found:
+            break
+        count, before = 2 * count, found
+    return variance * found
+
+
+def step_responses(loop: Loop, inputs: list[int], lasting: float) -> tuple[Array, float]:
+    """
+    Return the output after unit steps of ``inputs``, (inputs, samples), and their distance [s].
+
+    It lasts about ``lasting`` [s], or twice that and so on until the response rests; of more than
+    some thousand periods every k-th is a sample. What is missing to the final value, whose
+    transform is (T(1) - T(z)) / (1 - 1/z), is transformed back a little outside of the unit
+    circle: exactly where every period is a sample, but for what is missing after twice the time.
+    Else frequencies beyond the samples' are cut off softly, as by a mean over three of them. The
+    loop must be stable.
+    """
+    at = closed_response(loop)
+    final = at(0.0).real[OUTPUT, inputs][:, None]
+    for _ in range(LONGER):
+        count = 2 ** ceil(log2(min(max(lasting / loop.h, 2.0), MOST_SAMPLES)))
+        every = max(1, ceil(lasting / loop.h / count))
+        step = every * loop.h
+        damping = DAMPED / (2.0 * count * step)
+        turns = np.arange(count + 1) / count
+        s = damping + 1j * pi * turns / step
+        reached = at(-1j * s)[:, OUTPUT, inputs].T / np.expm1(-s * loop.h) / every
+        missing = reached - final / np.expm1(-s * step)
+        if every > 1:
+            missing *= np.cos(0.5 * pi * turns) ** 2
+        missing = np.fft.irfft(missing)[:, :count] * np.exp(damping * step * np.arange(count))
+        missing[:, :1] = final
+        left = np.abs(missing[:, -count // 8 :]).max(axis=1)
+        if (left <= DECAYED * np.abs(missing).max(axis=1)).all():
+            break
+        lasting *= 2.0
+    return np.asarray(final - missing, dtype=float), step
