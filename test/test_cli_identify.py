@@ -128,9 +128,13 @@ def test_a_part_of_a_log_is_used_if_asked_for(run: Path, tmp_path: Path) -> None
 def test_of_a_dense_log_not_every_row_is_used_and_that_is_said(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    value, output = b0_of(tmp_path, run, '--every', 2)
+    value, output = b0_of(tmp_path, run, '--every', 2, '--out', tmp_path / 'p.yaml')
     assert 'every 2 rows count as one, 50 Hz\n' in output and '1000 samples' in output
     assert value == pytest.approx(5.0, rel=0.05)
+    figures = json.loads((tmp_path / 'f.json').read_text())
+    assert (figures['rows_per_sample'], figures['period']) == (2, 0.01)
+    assert 'rate: 100.0' in (tmp_path / 'p.yaml').read_text()  # that of the loop
+    assert figures['bandwidth_allowed_by']['rate'] == 30.0
     monkeypatch.setattr(command, 'MOST_ROWS', 1500)
     assert 'every 2 rows count as one, 50 Hz; --every 1 uses' in b0_of(tmp_path, run)[1]
 

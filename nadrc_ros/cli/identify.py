@@ -84,6 +84,7 @@ def identify(
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
     with reporting(str(run)):
+        import attrs
         from nadrc_ros.records.recorded_run import read_run
         from nadrc_ros.records.shaping import thinned, window
         from nadrc_ros.scenario.files import dump
@@ -102,26 +103,27 @@ def identify(
         if recorded.told:
             complain(f'{run}: {recorded.told}')
         recorded = _unwrapped(window(recorded, begin, end), wrap)
-        recorded, kept = thinned(recorded, MOST_ROWS, every)
+        thin, kept = thinned(recorded, MOST_ROWS, every)
         if kept > 1:
             complain(
-                f'{run}: every {kept} rows count as one, {recorded.rate:.4g} Hz'
+                f'{run}: every {kept} rows count as one, {thin.rate:.4g} Hz'
                 + ('' if every else '; --every 1 uses all of them')
             )
-        log = log_of(recorded)
+        log = log_of(thin)
         with working(f'fitting {len(log.command)} samples'):
-            plant = find(log, order)
+            # the loop to be designed has the rate of the log, whatever was used of it
+            plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
         advice = advise(plant, log)
         described = dump(scenario_of(plant, log, advice.settings)) if scenario else ''
     with reporting():
         if json is not None:
-            write_json(json, _document(plant, advice, b0))
+            write_json(json, {**_document(plant, advice, b0), 'rows_per_sample': kept})
         if out is not None:
-            parameters = controller_parameters(advice.settings, rounded(1.0 / log.h))
+            parameters = controller_parameters(advice.settings, rounded(recorded.rate))
             write_whole(out, parameter_text({ANY_CONTROLLER: parameters}).encode())
         if scenario is not None:
             write_whole(scenario, described.encode())
-        _print_table(run, plant)
+        _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)
         for line in _verdict(plant, advice, b0):
             typer.echo(line)
         for doubt in plant.doubts:
@@ -169,7 +171,7 @@ def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str
     }
 
 
-def _print_table(run: Path, plant: 'Plant') -> None:
+def _print_table(title: str, plant: 'Plant') -> None:
     from nadrc_ros.cli.table import console
     from rich.table import Table
     from rich.text import Text
@@ -193,9 +195,8 @@ def _print_table(run: Path, plant: 'Plant') -> None:
     table.add_column()
     for name, value, meaning in rows:
         table.add_row(name, value, Text(meaning, 'dim'))
-    seconds = plant.samples * plant.period
     screen = console()
-    screen.print(Text(f'{run}: {plant.samples} samples, {seconds:.4g} s', 'bold'))
+    screen.print(Text(title, 'bold'))
     screen.print(table)
 
 
