@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import expm1, floor, log, log10
 
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.design.requirements import Requirements, STEP_SHARE
 from nadrc_ros.tuning.rules import PATIENCE
 from scipy import special
 
@@ -49,6 +49,15 @@ def controller_bandwidth(order: int, settling: float, h: float) -> float:
     if order == 1:
         return -expm1(log(BAND) * h / settling) / h
     return settling_factor(order) / settling
+
+
+def reference_step(wanted: Requirements) -> float:
+    """Return the step [output unit]: the one named, or one that takes a share of the command."""
+    if wanted.reference_step:
+        return wanted.reference_step
+    wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
+    step = STEP_SHARE * wanted.command_limit * abs(wanted.b0) / wc**wanted.order
+    return float(f'{step:.3g}')
 
 
 def settings_of(

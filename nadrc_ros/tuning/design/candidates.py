@@ -121,7 +121,7 @@ def single(wanted: Requirements) -> Candidate:
 
     for name, test in LIMITS.items():
         holds = holding(test)
-        if not holds(w):
+        if not holds(w) and holds(SLOWEST * wc):
             w, decided_by = largest(holds, SLOWEST * wc, w), name
     settings = settings_of(wanted, 'conventional', 1, wc, readable(w))
     return Candidate(

@@ -10,6 +10,7 @@ import attrs
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.tuning.design.bandwidths import reference_step
 from nadrc_ros.tuning.design.candidates import Candidate
 from nadrc_ros.tuning.design.requirements import Requirements
 from nadrc_ros.tuning.rules import PATIENCE
@@ -48,7 +49,7 @@ def experiment(wanted: Requirements, ordered: Sequence[Candidate]) -> Scenario:
     return Scenario(
         plant=PlantSpec(name='chain', values={'order': wanted.order, 'gain': wanted.b0}),
         reference=SignalSpec(
-            name='step', values={'amplitude': wanted.reference_step, 'start_time': start}
+            name='step', values={'amplitude': reference_step(wanted), 'start_time': start}
         ),
         disturbance=_disturbance(wanted, later),
         noise=Noise(variance=wanted.noise_std**2, seed=SEED),
@@ -90,7 +91,7 @@ def _thinned(scenario: Scenario) -> Scenario:
 
 
 def _disturbance(wanted: Requirements, start: float) -> SignalSpec:
-    values = {'amplitude': wanted.disturbance, 'start_time': start}
+    values = {'amplitude': wanted.load, 'start_time': start}
     if wanted.disturbance_frequency == 0.0:
         return SignalSpec(name='step', values=values)
     return SignalSpec(name='sine', values={**values, 'frequency': wanted.disturbance_frequency})

@@ -11,11 +11,11 @@ from nadrc_ros.adrc.design import bandwidths, make_design
 from nadrc_ros.adrc.theory.pid import equivalent_pid, FilteredPID
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.tuning.design.advice import advice, advised
-from nadrc_ros.tuning.design.bandwidths import settling_factor
+from nadrc_ros.tuning.design.bandwidths import reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import asked, Candidate, candidates
 from nadrc_ros.tuning.design.experiment import expect, Expected, experiment
-from nadrc_ros.tuning.design.requirements import Requirements
-from nadrc_ros.tuning.rules import LARGEST_W_H
+from nadrc_ros.tuning.design.requirements import LOAD_SHARE, Requirements, STEP_SHARE
+from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -44,6 +44,7 @@ class FirstDesign:
         wanted, one = self.wanted, self.candidates[0]
         wc, w = one.settings.controller_bandwidth, one.settings.inner_bandwidth
         held = ', less for the hold' if wanted.order == 1 else ''
+        step, load = reference_step(wanted), wanted.load
         rules = [
             f'controller bandwidth wc = {wc:.4g} rad/s: {settling_factor(wanted.order):.4g} / '
             f'settling time{held}, exact for (s + wc)^{wanted.order} (Gao 2003; by thumb 4 or 6 / '
@@ -51,6 +52,10 @@ class FirstDesign:
             f'one observer w = {w:.4g} rad/s, set by {one.decided_by}: {w / wc:.3g} wc (3 to 10, '
             f'Herbst 2013), w / rate = {w * wanted.period:.3g} (at most {LARGEST_W_H:g})',
             'more observers: as fast as the same noise of the command allows',
+            f'compared under: a reference step of {step:g} '
+            f'({self._share(bool(wanted.reference_step), STEP_SHARE)}), a disturbance of {load:g} '
+            f'in units of y^({wanted.order}) '
+            f'({self._share(bool(wanted.disturbance), LOAD_SHARE)})',
         ]
         if wanted.half_gain:
             rules.append(
@@ -59,24 +64,46 @@ class FirstDesign:
             )
         return rules
 
+    def _share(self, named: bool, share: float) -> str:
+        if named:
+            return 'as asked for'
+        return (
+            f'assumed: takes {100.0 * share:g} % of command_limit = {self.wanted.command_limit:g}'
+        )
+
     @property
     def warning(self) -> str:
-        """Say that disturbance or reference saturate the command, nothing if they do not."""
+        """Say what the chosen design cannot do that one may expect of it, nothing if it can."""
+        return '; '.join(filter(None, (self._saturated, self._near)))
+
+    @property
+    def _saturated(self) -> str:
         wanted, gain = self.wanted, make_design(self.chosen.settings).feedback_gains[0]
-        needed = abs(wanted.disturbance / wanted.b0)
+        needed, step = abs(wanted.load / wanted.b0), reference_step(wanted)
         if needed >= wanted.command_limit and wanted.disturbance_frequency == 0.0:
             return (
-                f'a disturbance of {wanted.disturbance:g} takes a command of {needed:.4g}, and '
+                f'a disturbance of {wanted.load:g} takes a command of {needed:.4g}, and '
                 f'command_limit = {wanted.command_limit:g}: no controller holds the output'
             )
-        peak = gain * abs(wanted.reference_step / wanted.b0)
+        peak = gain * abs(step / wanted.b0)
         if peak <= wanted.command_limit:
             return ''
         return (
-            f'a step of {wanted.reference_step:g} asks for a command of {peak:.4g}, more than '
+            f'a step of {step:g} asks for a command of {peak:.4g}, more than '
             f'command_limit = {wanted.command_limit:g}: it settles later, or not at all for order '
             f'3 and more; use steps up to {wanted.command_limit / peak:.3g} of that, or a smooth '
             'reference'
+        )
+
+    @property
+    def _near(self) -> str:
+        near = self.chosen.prediction.margins.modulus
+        if near >= LEAST_MODULUS:
+            return ''
+        remedy = 'a longer settling time' if self.wanted.delay else 'a faster observer'
+        return (
+            f'the loop comes within {near:.2f} of instability (modulus), and `nadrc tune` asks '
+            f'for {LEAST_MODULUS:g}: {remedy} keeps farther away'
         )
 
     @property
@@ -93,7 +120,11 @@ class FirstDesign:
     def document(self, expected: Mapping[str, Expected]) -> dict[str, Any]:
         """Return everything as plain data; None is for what is infinite, or not there."""
         return {
-            'requirements': attrs.asdict(self.wanted),
+            'requirements': {
+                **attrs.asdict(self.wanted),
+                'disturbance': self.wanted.load,
+                'reference_step': reference_step(self.wanted),
+            },
             'rules': self.rules,
             'advice': self.advice,
             'warning': self.warning,

@@ -19,7 +19,7 @@ from nadrc_ros.tuning.design.bandwidths import (
     SLOWEST,
 )
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
-from nadrc_ros.tuning.rules import LARGEST_W_H
+from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 DELAY_SHARE = 0.5
 DEVIATIONS = 3.0
@@ -57,6 +57,15 @@ def robust_enough(design: Design, wanted: Requirements) -> bool:
     return wanted.delay <= DELAY_SHARE * margins(design, plant, wanted.period).delay
 
 
+def far_enough(design: Design, wanted: Requirements) -> bool:
+    """Tell whether the delay leaves the distance from -1 that a tuning asks for."""
+    if wanted.delay == 0.0:
+        return True
+    plant = chain(wanted.order, wanted.b0)
+    found = margins(design, plant, wanted.period, wanted.delay)
+    return found.modulus >= LEAST_MODULUS
+
+
 def quiet_enough(design: Design, wanted: Requirements) -> bool:
     """Tell whether the noise moves the command by no more than it may."""
     return noise_gain(design, wanted) * wanted.noise_std <= noise_budget(wanted)
@@ -71,6 +80,7 @@ def noise_budget(wanted: Requirements) -> float:
 LIMITS: dict[str, Test] = {
     f'w h = {LARGEST_W_H:g}': slow_enough,
     'the delay': robust_enough,
+    f'the distance from -1, {LEAST_MODULUS:g} with the delay': far_enough,
     'the limit of the command noise': quiet_enough,
 }
 

@@ -76,7 +76,7 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
         left = float(np.abs(load / wanted.b0).sum()) * step
     return Prediction(
         command_noise=noise_gain(design, wanted) * wanted.noise_std,
-        error=wanted.disturbance * left,
+        error=wanted.load * left,
         settling_time=settling_time(reference, step, BAND),
         margins=margins(design, chain(wanted.order, wanted.b0), wanted.period, wanted.delay),
         input_gain_margin=1.0

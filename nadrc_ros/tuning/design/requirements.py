@@ -11,6 +11,10 @@ from nadrc_ros.adrc.structures import STRUCTURES
 # The theory is linear: it takes the nonlinear structure for the nested one.
 LINEAR = tuple(name for name, structure in STRUCTURES.items() if not structure.nonlinear)
 
+# Of the range of the command: what cancels a disturbance of which nothing is said, and what a step
+# of the reference asks for at first.
+LOAD_SHARE, STEP_SHARE = 0.1, 0.5
+
 
 class Conflict(UserError):
     """Requirements that exclude each other; the message says what would be possible."""
@@ -50,12 +54,22 @@ class Requirements:
         0.0, 0.0, 1e3, 's', 'dead time of the loop beyond the sampling: sensor, bus, actuator'
     )
     disturbance: float = number(
-        1.0, 1e-9, 1e9, 'unit of y^(n)', 'size of the disturbance to expect'
+        0.0,
+        0.0,
+        1e9,
+        'unit of y^(n)',
+        'size of the disturbance to expect; 0 = what a tenth of command_limit cancels',
     )
     disturbance_frequency: float = number(
         0.0, 0.0, 1e5, 'rad/s', 'highest frequency of the disturbance; 0 = a step'
     )
-    reference_step: float = number(1.0, -1e6, 1e6, 'output unit', 'step of the reference')
+    reference_step: float = number(
+        0.0,
+        -1e6,
+        1e6,
+        'output unit',
+        'step of the reference; 0 = one that asks for half of command_limit',
+    )
     command_limit: float = number(
         100.0, 1e-9, 1e9, 'command unit', 'largest command, of either sign'
     )
@@ -66,6 +80,11 @@ class Requirements:
         0, 0, MAX_LEVELS, 'levels of a nested or cascade observer; 0 = advised, 2 for a cascade'
     )
     half_gain: bool = flag(False, 'let half of the observer gains act (half-gain tuning)')
+
+    @property
+    def load(self) -> float:
+        """Disturbance [unit of y^(n)]: the one named, or one that the command can hold."""
+        return self.disturbance or LOAD_SHARE * abs(self.b0) * self.command_limit
 
     @property
     def period(self) -> float:
