@@ -49,7 +49,7 @@ test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
-	python -m pytest -n 3 --dist worksteal test/ros # on their own; they wait most of the time
+	python -m pytest -n 3 --dist worksteal test/ros examples # on their own; they wait most of the time
 
 soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repeats those of that run)
 	@$(ACTIVATE)
@@ -74,8 +74,8 @@ lint: $(VENV)/lint ## check style and types
 	set -x
 	ruff check .
 	ruff format --check .
-	mypy --strict nadrc_ros paper test
-	python -m ament_flake8.main --config setup.cfg nadrc_ros paper test setup.py
+	mypy --strict nadrc_ros paper test examples
+	python -m ament_flake8.main --config setup.cfg nadrc_ros paper test examples setup.py
 	python -m ament_pep257.main nadrc_ros
 
 clean: ## remove what was built (.venv stays; `make distclean` removes that too)

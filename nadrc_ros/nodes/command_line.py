@@ -28,7 +28,7 @@ class NodeParser(ArgumentParser):
     ----------
     executable, description
         Of the node.
-    examples
+    examples : str
         Command lines, one a line.
 
     """

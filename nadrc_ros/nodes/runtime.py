@@ -60,7 +60,7 @@ class LiveNode(Node):
 
     Parameters
     ----------
-    parameters
+    parameters : mapping
         Values at the start, by name; a wrong one is refused as one in a parameter file is.
     namespace, node_name
         Where it is on the graph, if not in ``/`` and under its usual name.

@@ -149,7 +149,7 @@ class RunningLoop:
         while self._retunes and self._retunes[0].time <= time:
             retune = self._retunes.pop(0)
             self._go_to(first_period(retune.time, self.rate))
-            self.set(values=retune.settings)
+            self.change(values=retune.settings)
         self._go_to(first_period(time, self.rate))
 
     def finish(self) -> Result:
@@ -158,7 +158,7 @@ class RunningLoop:
         self.wait_until(lambda: self._locked or not self.recorder.recording)
         return self.result()
 
-    def set(
+    def change(
         self, node: str = 'controller', values: Mapping[str, Any] | None = None, **more: Any
     ) -> None:
         """

@@ -15,6 +15,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from nadrc_ros.nodes.runtime import init_ros, LiveNode, make_executor, spin_for
 from nadrc_ros.nodes.topics import receive, RECORD, SEND
+from nadrc_ros.testing import spin_until
 from nadrc_ros.yaml_text import write_yaml
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -181,11 +182,7 @@ class Probe:
 
     def wait_until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> Any:
         """Spin until the condition holds and return it; a test never sleeps."""
-        end = time.monotonic() + timeout
-        while not (held := condition()):
-            assert time.monotonic() < end, f'not within {timeout:g} s'
-            spin_for(self.executor, 0.005)
-        return held
+        return spin_until(self.executor, condition, timeout)
 
     def end_of(self, process: NodeProcess) -> int:
         """Spin until a process has ended and return its exit code."""

@@ -136,7 +136,7 @@ def test_p18_a_change_at_a_time_is_that_of_the_simulation(
     with tank(1.0, executor=executor) as run:
         run.run_until(0.333)  # between two periods: the next one begins at 0.34
         assert run.time == 0.34
-        run.set(**change)
+        run.change(**change)
         half = run.result()
         result = run.finish()
     expected = simulated(1.0, Tank(), (Retune(time=0.333, settings=change),))
@@ -171,7 +171,7 @@ def test_in_real_time_a_loop_runs_by_the_clock_and_ends_by_itself(
     ) as run:
         assert run.time == 0.0 and run.controller.controller.enabled
         run.run_until(0.5)
-        run.set('plant', {'disturbance': 'constant', 'disturbance_offset': 3.0})
+        run.change('plant', {'disturbance': 'constant', 'disturbance_offset': 3.0})
         result = run.finish()
     assert result.time[0] == 0.0 and result.time[-1] < 2.0
     assert len(result.time) > 50
@@ -210,7 +210,7 @@ def test_a_change_that_is_refused_changes_nothing_and_time_only_goes_on() -> Non
     with tank(0.2) as run:
         run.run_until(0.1)
         with pytest.raises(UserError, match='inner_bandwidth'):
-            run.set(inner_bandwidth=-1.0, b0=3.0)
+            run.change(inner_bandwidth=-1.0, b0=3.0)
         for time in (0.05, 0.3, math.nan):
             with pytest.raises(SettingError, match=r'from 0.1, now, to 0.2 s'):
                 run.run_until(time)
@@ -271,7 +271,7 @@ PUBLIC = {
 }
 MEMBERS = (
     'plant controller reference recorder executor namespace rate duration time '
-    'add finish result run_until set wait_until'
+    'add change finish result run_until wait_until'
 )
 
 
