@@ -86,6 +86,10 @@ def test_the_picture_marks_the_margins() -> None:
     assert unwrapped(turned)[-1] == pytest.approx(unwrapped(drawn)[-1] + 90.0)
     figure = draw_bode({'mine': drawn}, 'title', band=1.0)
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    figure.draw_without_rendering()
+    labels = [text.get_text() for axis in figure.axes for text in axis.get_xticklabels()]
+    labels += [text.get_text() for axis in figure.axes for text in axis.get_yticklabels()]
+    assert '10' in labels and '0.1' in labels and not any('$' in label for label in labels)
     assert 'gain × 0.5' in texts and any(text.startswith('phase margin') for text in texts)
 
 

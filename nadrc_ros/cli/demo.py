@@ -132,9 +132,9 @@ def _figures(run: 'Run') -> dict[str, Any]:
 
 
 def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
-    from nadrc_ros.cli.table import console
+    from nadrc_ros.cli.table import print_columns, Row
     from nadrc_ros.report.caption import title_of
-    from rich.table import Table
+    from rich.text import Text
 
     rows = {
         'itae': 'ITAE',
@@ -148,15 +148,13 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
         'latency_p99_ms': 'measurement to command, 99 % [ms]',
         'samples_lost': 'samples lost by the recorder',
     }
-    table = Table(title=title_of(name, scenario), title_justify='left', box=None, pad_edge=False)
-    table.add_column('')
-    for run in runs:
-        table.add_column(run, justify='right')
     figures = {run: _figures(result) for run, result in runs.items()}
+    table = []
     for key, label in rows.items():
         values = [figures[run][key] for run in runs]
-        table.add_row(label, *('-' if v is None else f'{v:.4g}' for v in values))
-    console().print(table)
+        cells = [Text('-' if v is None else f'{v:.4g}') for v in values]
+        table.append(Row(label, '', cells))
+    print_columns(title_of(name, scenario), [Text(run) for run in runs], table)
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:

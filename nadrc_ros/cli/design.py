@@ -70,25 +70,20 @@ def design(
 
 
 def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
-    from nadrc_ros.cli.table import console
-    from rich.table import Table
+    from nadrc_ros.cli.table import console, print_columns, Row
     from rich.text import Text
 
     screen = console()
-    screen.print(Text(found.title, 'bold'))
-    screen.print(Text('\n'.join(found.rules)), soft_wrap=True)
-    table = Table(box=None, pad_edge=False)
-    for heading in ('', ''):
-        table.add_column(heading)
-    for candidate in found.candidates:
-        chosen = candidate is found.chosen
-        table.add_column(
-            Text(candidate.name + (' *' if chosen else ''), 'bold' if chosen else ''),
-            justify='right',
-        )
-    for label, meaning, cells in _rows(found, expected):
-        table.add_row(label, Text(meaning, 'dim'), *cells)
-    screen.print(table)
+    heads = [
+        Text(f'{c.name} *', 'bold') if c is found.chosen else Text(c.name)
+        for c in found.candidates
+    ]
+    rows = [
+        Row(label, meaning, [Text(cell) for cell in cells])
+        for label, meaning, cells in _rows(found, expected)
+    ]
+    screen.print(Text('\n'.join([found.title, *found.rules])), soft_wrap=True)
+    print_columns('', heads, rows)
     screen.print(Text(found.advice, 'bold'), soft_wrap=True)
     pid = found.pid
     if pid is not None:
@@ -96,7 +91,8 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
         gains = f'Kp {pid.kp:.4g}, Ki {pid.ki:.4g}' + (f', Kd {pid.kd:.4g}' if pid.kd else '')
         screen.print(
             f'One observer is a filtered {kind} with {gains}: its column is also that of a {kind} '
-            'of equal noise.'
+            'of equal noise.',
+            soft_wrap=True,
         )
 
 

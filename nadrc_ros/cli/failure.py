@@ -24,8 +24,8 @@ def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
 
     try:
         yield
-    except typer.Exit:
-        raise
+    except (typer.Exit, BrokenPipeError):
+        raise  # nobody reads on: typer ends silently
     except (Exception, KeyboardInterrupt) as error:
         if interrupted(error):
             complain(f'interrupted: {after_interrupt}' if after_interrupt else 'interrupted')
@@ -33,7 +33,7 @@ def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
         if isinstance(error, UserError):
             complain(f'{file}: {error}' if file else str(error))
         elif isinstance(error, OSError):
-            complain(f'{error.filename}: {error.strerror}' if error.filename else str(error))
+            complain(f'{error.filename or "output"}: {error.strerror or error}')
         else:
             raise
         raise typer.Exit(USER_ERROR) from None

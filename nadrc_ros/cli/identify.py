@@ -58,10 +58,12 @@ def identify(
     begin: Annotated[
         Optional[float],
         typer.Option(
-            '--from', help='Use the log from there [s], 0 = first measurement with a command.'
+            '--from', help='Use the log from that second on, 0 = first measurement with a command.'
         ),
     ] = None,
-    end: Annotated[Optional[float], typer.Option('--to', help='Use the log to there [s].')] = None,
+    end: Annotated[
+        Optional[float], typer.Option('--to', help='Use the log up to that second.')
+    ] = None,
     wrap: Annotated[
         Optional[float],
         typer.Option(min=0.0, help='Period of a wrapped angle, to unwrap it; 0 = it is none.'),
@@ -190,13 +192,13 @@ def _print_table(title: str, plant: 'Plant') -> None:
         late = f'{1e3 * plant.lateness.value:.3g}'
         rows.append((plant.late, late, 'ms, ' + _interval(plant.lateness, 1e3)))
     table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column()
-    table.add_column(justify='right')
+    table.add_column(no_wrap=True)
+    table.add_column(justify='right', no_wrap=True)
     table.add_column()
     for name, value, meaning in rows:
         table.add_row(name, value, Text(meaning, 'dim'))
     screen = console()
-    screen.print(Text(title, 'bold'))
+    screen.print(Text(title, 'bold'), soft_wrap=True)
     screen.print(table)
 
 

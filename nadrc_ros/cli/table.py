@@ -1,8 +1,9 @@
-"""The figures of merit of several runs, side by side."""
+"""Tables on a terminal: no number is broken, however narrow it is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from nadrc_ros.report.figures_of_merit import ROWS, shown, wins
 from nadrc_ros.simulation.metrics import MetricValues
@@ -11,29 +12,79 @@ from rich.table import Table
 from rich.text import Text
 
 PIPE_WIDTH = 200
+GAP = 2
+
+
+class Row(NamedTuple):
+    """What a row is called, what that means, and a cell for each column."""
+
+    label: str
+    meaning: str
+    cells: Sequence[Text]
 
 
 def print_figures_of_merit(
     title: str, metrics: Mapping[str, MetricValues], settle_time: float = 0.0
 ) -> None:
     """Print a row for each figure and a column for each run, the lowest value in bold."""
-    table = Table(box=None, pad_edge=False)
-    table.add_column('')
-    table.add_column('')
-    for name in metrics:
-        table.add_column(Text(name), justify='right', overflow='fold')
+    rows = []
     for key, label, meaning in ROWS:
         values = [getattr(m, key) for m in metrics.values()]
         cells = [Text(shown(key, v), 'bold' if wins(v, values) else '') for v in values]
         if key == 'peak_error' and settle_time:
             meaning += f', {settle_time:.4g} s'
-        table.add_row(label, Text(meaning, 'dim'), *cells)
+        rows.append(Row(label, meaning, cells))
+    print_columns(title, [Text(name) for name in metrics], rows)
+
+
+def print_columns(title: str, heads: Sequence[Text], rows: Sequence[Row]) -> None:
+    """
+    Print columns of numbers under their heads, beside the labels of the rows and what these mean.
+
+    Where that is too wide, the meanings come first, in lines of their own, and the columns that do
+    not fit beside the others below them.
+    """
     screen = console()
-    screen.print(Text(title, 'bold'))
-    screen.print(table)
+    if title:
+        screen.print(Text(title, 'bold'), soft_wrap=True)
+    labels = max(len(row.label) for row in rows)
+    widths = [
+        GAP + max(cell.cell_len for cell in (head, *(row.cells[i] for row in rows)))
+        for i, head in enumerate(heads)
+    ]
+    screen.width = max(screen.width, labels + max(widths))  # one column there must be
+    meanings = max(len(row.meaning) for row in rows)
+    beside = labels + GAP + meanings + sum(widths) <= screen.width
+    if meanings and not beside:
+        for row in rows:
+            screen.print(Text(f'{row.label:{labels}}  {row.meaning}', 'dim'), soft_wrap=True)
+    for part in _parts(widths, screen.width - labels):
+        table = Table(box=None, pad_edge=False, header_style='')
+        table.add_column('', no_wrap=True)
+        if meanings and beside:
+            table.add_column('', no_wrap=True, style='dim')
+        for i in part:
+            table.add_column(heads[i], justify='right', no_wrap=True)
+        for row in rows:
+            about = [row.meaning] if meanings and beside else []
+            table.add_row(row.label, *about, *(row.cells[i] for i in part))
+        screen.print(table, crop=False, no_wrap=True)
 
 
 def console() -> Console:
     """Return the terminal, or what does not wrap lines where nobody is there to read them."""
-    terminal = Console()
-    return terminal if terminal.is_terminal else Console(width=PIPE_WIDTH)
+    screen = Console(markup=False, emoji=False, highlight=False)
+    if not screen.is_terminal:
+        screen.width = PIPE_WIDTH
+    return screen
+
+
+def _parts(widths: Sequence[int], room: int) -> Iterator[list[int]]:
+    """Yield the columns that fit beside each other, at least one at a time."""
+    part: list[int] = []
+    for i, width in enumerate(widths):
+        if part and sum(widths[k] for k in part) + width > room:
+            yield part
+            part = []
+        part.append(i)
+    yield part

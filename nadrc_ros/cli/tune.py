@@ -263,23 +263,18 @@ ROWS = 12
 
 def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
     """Print some of the front, the ends and the chosen point among them."""
-    from nadrc_ros.cli.table import console
-    from rich.table import Table
+    from nadrc_ros.cli.table import print_columns, Row
+    from rich.text import Text
 
-    objective = tuning.objective.upper()
-    table = Table(
-        box=None, pad_edge=False, title=f'{one.name}: {one.choice.why}', title_justify='left'
-    )
-    for head in ('', 'ISU', objective, *(v.name for v in one.varied)):
-        table.add_column(head, justify='right')
+    heads = ['ISU', tuning.objective.upper(), *(v.name for v in one.varied)]
     last = len(one.front) - 1
     shown = {round(i * last / (ROWS - 1)) for i in range(ROWS)} | {one.choice.index}
+    rows = []
     for i in sorted(shown):
-        point = one.front[i]
-        numbers = (point.figures.isu, point.figures.objective)
-        cells = [f'{x:.4g}' for x in (*numbers, *point.values.values())]
-        table.add_row(str(i + 1), *cells, style='bold' if i == one.choice.index else '')
-    console().print(table)
+        point, style = one.front[i], 'bold' if i == one.choice.index else ''
+        numbers = (point.figures.isu, point.figures.objective, *point.values.values())
+        rows.append(Row(str(i + 1), '', [Text(f'{x:.4g}', style) for x in numbers]))
+    print_columns(f'{one.name}: {one.choice.why}', [Text(head) for head in heads], rows)
 
 
 def _print_table(title: str, found: 'list[Tuned]') -> None:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from nadrc_ros.report.columns import Array
 from nadrc_ros.report.figure import COLOURS, GREY, INK, STYLE
 import numpy as np
@@ -65,6 +66,10 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
             top = 2.0 * max(getattr(loop, column).max() for loop in loops.values())
             axis.set_ylim(top * 10.0**-DEPTH, top)
         for axis in (rejection, noise, gain, phase):
+            for one in (axis.xaxis, axis.yaxis):
+                if one.get_scale() == 'log':
+                    one.set_major_formatter('{x:g}')  # others need text.parse_math
+                    one.set_minor_formatter(NullFormatter())
             axis.set_xlim(first.omega[0], first.omega[-1])
             axis.axvline(first.omega[-1], color=GREY, linewidth=0.8)
         if band > 0.0:

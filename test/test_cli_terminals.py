@@ -1,0 +1,110 @@
+"""`nadrc` under terminals, pipes, disks and paths as they come."""
+
+from __future__ import annotations
+
+from io import StringIO
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+from nadrc_ros.cli import table
+from nadrc_ros.cli.app import app
+from nadrc_ros.cli.table import print_columns, Row
+import pytest
+from rich.console import Console
+from rich.text import Text
+from typer.main import get_command
+
+SIMULATE = ('simulate', 'demo', '--duration', '0.5')
+DESIGN = ('design', '--settling-time', '0.5')
+
+
+def nadrc(
+    *arguments: str, stdout: int = subprocess.PIPE, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-m', 'nadrc_ros.cli', *arguments],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, 'PYTHONPATH': str(Path(__file__).parents[1]), **environment},
+        check=False,
+    )
+
+
+def test_an_output_of_ascii_shows_what_stands_for_the_rest(tmp_path: Path) -> None:
+    folder = tmp_path / 'mein öl'
+    folder.mkdir()
+    rows = ''.join(f'{k},{k % 3},1\n' for k in range(300))
+    (folder / 'log ².csv').write_text('t,y,u\n' + rows, encoding='utf-8')
+    shown = nadrc(*SIMULATE, PYTHONIOENCODING='ascii')
+    assert shown.returncode == 0 and 'integral of u2' in shown.stdout, shown.stderr
+    refused = nadrc('identify', 'mein öl/log ².csv', cwd=tmp_path, PYTHONIOENCODING='ascii')
+    assert refused.returncode == 1 and 'log' in refused.stderr
+    assert refused.stderr.splitlines()[-1].split(': ')[2] == 'the command is 1 all the time'
+    assert nadrc('design', '--help', PYTHONIOENCODING='latin-1').returncode == 0
+
+
+@pytest.mark.parametrize('arguments', [SIMULATE, DESIGN, ('--help',)], ids=lambda each: each[0])
+def test_a_reader_that_goes_away_is_no_news(arguments: tuple[str, ...]) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = nadrc(*arguments, stdout=writing)
+    os.close(writing)
+    assert done.returncode == 1
+    for word in ('Traceback', 'Errno', 'pipe'):
+        assert word not in done.stderr
+
+
+@pytest.mark.parametrize('arguments', [DESIGN, ('--help',)], ids=lambda each: each[0])
+def test_a_full_disk_behind_the_output_is_one_line(arguments: tuple[str, ...]) -> None:
+    with Path('/dev/full').open('w') as full:
+        done = nadrc(*arguments, stdout=full.fileno())
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == 'nadrc: output: No space left on device'
+
+
+@pytest.fixture
+def screen(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> StringIO:
+    """Take the place of a terminal that is as wide as the parameter says."""
+    text = StringIO()
+    wide = Console(file=text, width=request.param, markup=False, emoji=False, highlight=False)
+    monkeypatch.setattr(table, 'console', lambda: wide)
+    return text
+
+
+@pytest.mark.parametrize('screen', [20, 50, 80, 120, 200], indirect=True)
+def test_no_number_and_no_name_is_broken_at_any_width(screen: StringIO) -> None:
+    names = [f'controller_{i}' for i in range(9)]
+    rows = [
+        Row(f'max |{k}|', f'largest {k} after the start', [Text(f'{i}.{k}2345') for i in range(9)])
+        for k in range(8)
+    ]
+    print_columns('a title [of] these', [Text(name) for name in names], rows)
+    lines, words = screen.getvalue().splitlines(), screen.getvalue().split()
+    assert lines[0] == 'a title [of] these'
+    assert [word for word in words if word.startswith('controller')] == names
+    for i in range(9):
+        assert [words.count(f'{i}.{k}2345') for k in range(8)] == [1] * 8
+    for k in range(8):
+        assert sum(f'largest {k} after the start' in line for line in lines) == 1
+
+
+@pytest.mark.parametrize('screen', [80], indirect=True)
+def test_units_in_brackets_are_shown(screen: StringIO) -> None:
+    print_columns('', [Text('a[b]')], [Row('median [ms]', 'of [it]', [Text('1')])])
+    assert screen.getvalue().split() == ['a[b]', 'median', '[ms]', 'of', '[it]', '1']
+
+
+def test_help_shows_every_word_of_every_option(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('COLUMNS', '300')
+    command = get_command(app)
+    context = command.make_context('nadrc', ['design'], resilient_parsing=True)
+    for name in command.list_commands(context):  # type: ignore[attr-defined]
+        sub = command.get_command(context, name)  # type: ignore[attr-defined]
+        shown = ' '.join(nadrc(name, '--help', COLUMNS='300').stdout.split())
+        for option in sub.params:
+            said = (getattr(option, 'help', None) or '').replace('\\[', '[')
+            assert said.split('.')[0] in shown, (name, option.name)
