@@ -69,7 +69,7 @@ def loop(
     namespace
         Where the nodes are; by default one that no other loop of this process has.
     directory
-        Where the recorder makes its folder, which :mod:`nadrc_ros.report` can read; by default
+        Where the recorder makes its folder, which ``nadrc report`` can read; by default
         it goes with the loop.
 
     Raises

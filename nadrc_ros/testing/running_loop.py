@@ -180,7 +180,7 @@ class RunningLoop:
 
     def result(self) -> Result:
         """
-        Return what was recorded so far, as :func:`~nadrc_ros.simulation.experiment.simulate` does.
+        Return what was recorded so far, as ``simulate`` does for the whole of an experiment.
 
         Rows are by sample of the measurement: in real time a sample that got lost has none.
         """

@@ -8,6 +8,7 @@ import inspect
 import math
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 import threading
@@ -17,7 +18,11 @@ import attrs
 from nadrc_ros import testing
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.operation import GraphError
+from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.scenario import loads
 from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
@@ -263,12 +268,24 @@ def test_every_process_gets_a_domain_of_its_own() -> None:
     assert all(1 <= domain <= 100 for domain in domains)
 
 
+PAGE = Path(__file__).parents[2] / 'docs' / 'testing.md'
+
+
+@pytest.mark.parametrize('block', re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.DOTALL))
+def test_the_examples_of_the_page_pass(block: str) -> None:
+    names: dict[str, Any] = {'__name__': 'page'}
+    exec(block, names)
+    (test,) = [thing for name, thing in names.items() if name.startswith('test_')]
+    test()
+
+
 PUBLIC = {
     'loop': 'plant controller reference rate duration lockstep executor namespace directory',
     'scenario_loop': 'scenario name lockstep executor namespace directory',
     'private_domain': 'keep',
     'spin_until': 'executor condition timeout',
 }
+NODE = 'parameters namespace node_name context remappings arguments'
 MEMBERS = (
     'plant controller reference recorder executor namespace rate duration time '
     'add change finish result run_until wait_until'
@@ -280,6 +297,8 @@ def test_the_public_names_stay() -> None:
     for name, arguments in PUBLIC.items():
         known = inspect.signature(getattr(testing, name)).parameters
         assert ' '.join(known) == arguments
+    for node in (ControllerNode, PlantNode, ReferenceNode, RecorderNode):
+        assert ' '.join(inspect.signature(node).parameters) == NODE
     with tank(0.01) as run:
         assert isinstance(run, RunningLoop)
         assert set(MEMBERS.split()) <= {n for n in dir(run) if not n.startswith('_')}
