@@ -29,6 +29,8 @@ Parameters = Mapping[str, Any]
 # Makes an executor, or is one that runs other nodes too.
 AnyExecutor: TypeAlias = Callable[..., Executor] | Executor
 MOST_PERIODS = 1e9
+# What all nodes of a loop have in common.
+PACING = ('rate', 'pacing', 'steps', 'readers')
 _names = count(1)
 
 
@@ -81,6 +83,8 @@ def loop(
     given = dict(controller or {})
     values = dict(plant) if isinstance(plant, Mapping) else {'plant': plant}
     signal = dict(reference) if isinstance(reference, Mapping) else {'signal': reference}
+    for name, parameters in (('plant', values), ('controller', given), ('reference', signal)):
+        _refuse_pacing(name, parameters)
     rate = float(rate)
     if not 0.5 < rate * duration < MOST_PERIODS:
         allowed = f'from one period of {rate:g} Hz to {MOST_PERIODS:g} of them'
@@ -182,6 +186,13 @@ class _Maker(ExitStack):
             self._executor.add_node(node)
         running.start(enable=enable)
         return running
+
+
+def _refuse_pacing(name: str, parameters: Parameters) -> None:
+    for key in PACING:
+        if key in parameters:
+            allowed = 'left out: rate, duration and lockstep of the loop are for all its nodes'
+            raise SettingError(f'{name}.{key}', parameters[key], allowed)
 
 
 def _node_of(plant: type[Any]) -> type[PlantNode]:

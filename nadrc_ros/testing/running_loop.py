@@ -10,6 +10,7 @@ from typing import Any
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.graph import expected_readers
+from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.node_arguments import overrides
 from nadrc_ros.nodes.operation import GraphError
 from nadrc_ros.nodes.plant import PlantNode
@@ -88,8 +89,9 @@ class RunningLoop:
         self.rate: float = self.plant.pacing.rate
         self.duration = duration
         self._nodes: dict[str, LiveNode] = dict(nodes)
-        self._locked = [node.lockstep for node in nodes.values() if node.lockstep is not None]
-        self._pacer = self.controller.lockstep
+        self._locked: dict[str, Lockstep] = {
+            name: node.lockstep for name, node in nodes.items() if node.lockstep is not None
+        }
         self._retunes = sorted(retunes, key=lambda retune: retune.time)
         self._others: list[Node] = []
         # Gains b0 of plant and controller, with the times [s] from which they held.
@@ -124,7 +126,7 @@ class RunningLoop:
             for node in self._nodes.values():
                 if node.failure:
                     raise GraphError(f'{node.get_fully_qualified_name()}: {node.failure}')
-            for lockstep in self._locked:  # a debugger, or the caller, may have kept us
+            for lockstep in self._locked.values():  # a debugger, or the caller, may have kept us
                 lockstep.go_on()
             return condition()
 
@@ -205,11 +207,14 @@ class RunningLoop:
 
     def start(self, *, enable: bool) -> None:
         """Wait until every topic of the loop has its readers, and close the loop."""
-        if self._pacer is not None:
-            self._pacer.go_on(until=0)
-            self.wait_until(lambda: all(lockstep.started for lockstep in self._locked))
+        if self._locked:
+            self._go_to(0)
+            self.wait_until(lambda: all(each.started for each in self._locked.values()))
             return
-        self.wait_until(self._joined)
+        try:
+            self.wait_until(lambda: not self._missing())
+        except TimeoutError:
+            raise GraphError(f'after {PATIENCE:g} s there is still no {self._missing()}') from None
         if enable:
             self.controller.enable()
 
@@ -225,22 +230,31 @@ class RunningLoop:
 
     def _go_to(self, k: int) -> None:
         timeout = PATIENCE + 3.0 * max(0, k - self.plant.process.k) / self.rate
-        if self._pacer is None:
+        if not self._locked:
             self.wait_until(lambda: self.plant.process.k >= k, timeout)
             return
-        self._pacer.go_on(until=k)
-        self.wait_until(lambda: all(lockstep.fired >= k for lockstep in self._locked), timeout)
+        end = self.controller.pacing.steps
+        # The reference sends r_k in answer to the measurement before: also that is left for later.
+        firings = {name: k if name != 'reference' or k == end else k - 1 for name in self._locked}
+        for name in ('controller', 'reference'):
+            self._locked[name].go_on(until=firings[name])
+        self.wait_until(
+            lambda: all(self._locked[name].fired >= n for name, n in firings.items()), timeout
+        )
 
-    def _joined(self) -> bool:
+    def _missing(self) -> str:
+        """Return what a loop in real time still waits for, empty when it can begin."""
         readers = expected_readers(self.controller.controller.settings, lockstep=False)
         for topic, (writer, names) in readers.items():
             full = f'{self.namespace.rstrip("/")}/{topic}'
             for publisher in self._nodes[writer].publishers:
                 matched = publisher.get_subscription_count()
                 if publisher.topic_name == full and matched < len(names):
-                    return False
+                    return f'reader of {full} beside {matched} of {", ".join(names)}'
         watch = self.controller.controller.watch
-        return isfinite(watch.measurement_age) and isfinite(watch.reference_age)
+        ages = {'measurement': watch.measurement_age, 'reference': watch.reference_age}
+        unheard = [name for name, age in ages.items() if not isfinite(age)]
+        return f'{" and ".join(unheard)} at the controller' if unheard else ''
 
     def _note_gains(self) -> None:
         now = self.time if self._gains[0] else -inf

@@ -150,6 +150,26 @@ def test_p18_a_change_at_a_time_is_that_of_the_simulation(
     assert np.abs(result.command[34:] - simulated(1.0, Tank()).command[34:]).max() > 0.01
 
 
+def test_all_that_changes_at_a_time_acts_from_then_on() -> None:
+    results = []
+    for executor in (SingleThreadedExecutor, EventsExecutor, EventsExecutor):
+        with tank(0.6, executor=executor) as run:
+            run.run_until(0.3)
+            run.change('reference', {'signal': 'constant', 'offset': 2.0})
+            run.change('plant', {'disturbance_offset': -4.0})
+            run.change(inner_bandwidth=30.0)
+            results.append(run.finish())
+    result, unchanged = results[0], simulated(0.6, Tank())
+    for other in results[1:]:
+        assert_same(other, result)
+    assert (result.reference[30:] == 2.0).all()
+    assert (result.command[:30] == unchanged.command[:30]).all()
+    assert (result.output[:31] == unchanged.output[:31]).all()
+    assert result.output[31] != unchanged.output[31]
+    truth = result.total_disturbance + 0.5 * result.output
+    assert np.abs(truth[:30] - 0.7).max() < 1e-9 and np.abs(truth[30:] + 4.0).max() < 1e-9
+
+
 def test_loops_of_other_parameters_in_one_process_do_not_disturb_each_other() -> None:
     with tank(1.0, leak=0.5) as one, tank(1.0, leak=3.0, executor=one.executor) as other:
         for time in (0.2, 0.5, 0.8):
@@ -200,6 +220,7 @@ def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
         ({'plant': {'plant': Tank, 'leek': 1.0}}, 'leek = 1.0: .*: leak, perhaps'),
         ({'plant': {'plant': 'tank'}}, "'tank'"),
         ({'rate': 0.1}, 'rate = 0.1'),
+        ({'controller': {'rate': 50.0}}, 'controller.rate = 50.0: must be left out: rate, dur'),
         ({'duration': 0.0}, 'duration = 0.0'),
         ({'duration': math.inf}, 'duration = inf'),
         ({'namespace': 'my loop'}, "namespace = 'my loop'"),
