@@ -13,6 +13,10 @@ MIN_TESTS := 2700# `make test` fails when fewer are collected: raise it with the
 VENV := .venv
 PY := $(VENV)/bin/python
 
+ifneq ($(words x$(CURDIR)x)$(findstring :,$(CURDIR)),1)
+$(error the path of this folder has a blank or a colon, and the set-up scripts of colcon take none: move it out of '$(CURDIR)')
+endif
+
 ifneq ($(AMENT_PREFIX_PATH),)
 ifneq ($(filter-out jazzy,$(ROS_DISTRO)),)
 $(error ROS 2 '$(ROS_DISTRO)' is sourced and this package is for Jazzy: source Jazzy, or use a shell without ROS)
@@ -33,7 +37,7 @@ help: ## print this list
 
 demo: build ## run the nested controller against the plant on a live ROS graph (ARGS='--duration 4')
 	@$(ACTIVATE)
-	install/nadrc_ros/lib/nadrc_ros/nadrc demo $(ARGS)
+	$(VENV)/bin/nadrc demo $(ARGS)
 
 paper: build $(VENV)/dev ## measure every claim of the paper, write the article to out/paper (ARGS='--quick')
 	@$(ACTIVATE)
@@ -106,6 +110,11 @@ $(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/ru
 	python -c 'import sys; from colcon_core.command import main; sys.exit(main())' --log-base log \
 		build --paths . --event-handlers desktop_notification- status- summary- console_start_end- \
 		|| $(call fail,colcon could not build the package; its log is in log/latest_build)
+	printf '%s\n' '#!/usr/bin/env bash' '# nadrc of this workspace, whatever is sourced; written by make' \
+		'source $(CURDIR)/$(VENV)/bin/activate' $(if $(WHEELS),'export AMENT_PREFIX_PATH=$$VIRTUAL_ENV') \
+		'source $(CURDIR)/install/local_setup.bash' \
+		'NADRC=$$0 exec $(CURDIR)/install/nadrc_ros/lib/nadrc_ros/nadrc "$$@"' > $(VENV)/bin/nadrc
+	chmod +x $(VENV)/bin/nadrc
 	touch $@
 
 # $(VENV)/run holds what the package needs, dev also what its tests need, lint what checks it, bench its rivals, docs Sphinx.

@@ -19,7 +19,8 @@ NODES = ('controller', 'plant', 'reference', 'recorder')
 # colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
 # pip builds a wheel, whose scripts go into the bin/ that all packages share: there the nodes are
 # called nadrc-controller etc.
-PREFIX = '' if {'install', 'develop'} & set(sys.argv) else 'nadrc-'
+COLCON = bool({'install', 'develop'} & set(sys.argv))
+PREFIX = '' if COLCON else 'nadrc-'
 
 setup(
     name=NAME,
@@ -37,6 +38,7 @@ setup(
         (f'share/{NAME}/config', sorted(glob('config/*.*'))),
         (f'share/{NAME}/config/sweeps', sorted(glob('config/sweeps/*.yaml'))),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        *([('bin', ['resource/bin/nadrc'])] if COLCON else []),
     ],
     zip_safe=False,
     install_requires=[

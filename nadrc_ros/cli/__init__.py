@@ -30,6 +30,13 @@ def main() -> None:
         raise
 
 
+def called() -> str:
+    """Return how this command line was called, for lines to be copied."""
+    import os
+
+    return os.environ.get('NADRC', 'nadrc')
+
+
 def interrupted(error: BaseException | None) -> bool:
     """Tell whether Ctrl-C is behind an error: inside an import it may come out as another one."""
     while error is not None and not isinstance(error, KeyboardInterrupt):

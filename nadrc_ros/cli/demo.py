@@ -2,8 +2,10 @@
 
 # ruff: noqa: UP045
 from pathlib import Path
+from shlex import join
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
+from nadrc_ros.cli import called
 from nadrc_ros.cli.changes import changed
 from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
 import typer
@@ -69,7 +71,9 @@ def demo(
         _write_picture(out / 'demo.png', path.stem, scenario, runs)
         _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
         typer.echo(f'picture {out / "demo.png"}, figures {out / "summary.json"}')
-        typer.echo(f'more in: nadrc report {" ".join(str(run.folder) for run in runs.values())}')
+        typer.echo(
+            f'more in: {join([called(), "report", *(str(r.folder) for r in runs.values())])}'
+        )
         if lockstep:
             _compare(scenario, runs)
 
