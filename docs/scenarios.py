@@ -20,6 +20,9 @@ nadrc simulate altitude --plot altitude.png --json altitude.json
 nadrc demo thermal --lockstep
 ```
 
+(`nadrc` is `.venv/bin/nadrc` after `make demo` or `make test`, and on the `PATH` of a sourced
+workspace or a pip install.)
+
 A copy of a file is the start of a scenario of your own. The tests run every one of them and check
 that the error settles and the command stays within its limits.
 """

@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 import re
+from shutil import copy2
+from subprocess import run
 from xml.etree import ElementTree
 
 import pytest
@@ -52,3 +54,20 @@ def test_every_executable_has_a_main(name: str) -> None:
     assert callable(import_module(f'nadrc_ros.nodes.{name}').main)
     assert callable(getattr(import_module('nadrc_ros.nodes.command_line'), name))
     assert (ROOT / 'resource' / 'nadrc_ros').exists()
+
+
+@pytest.mark.parametrize('name', ['my folder', 'my:folder'])
+def test_a_folder_that_colcon_cannot_take_is_refused_at_once(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / name
+    folder.mkdir()
+    copy2(ROOT / 'Makefile', folder)
+    done = run(['make', 'demo'], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and not (folder / '.venv').exists()
+    assert 'blank or a colon' in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_every_page_with_a_command_says_once_where_it_is() -> None:
+    for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))):
+        text = page.read_text(encoding='utf-8')
+        if re.search(r'^nadrc ', text, re.MULTILINE):
+            assert text.count('`nadrc` is `.venv/bin/nadrc`') == 1, page

@@ -1,0 +1,59 @@
+"""
+The README's five minutes without the command `ros2`, which the ROS 2 wheels do not bring.
+
+    .venv/bin/python examples/tour.py
+
+The same four nodes, in one process, with the same changes while they run in real time.
+"""
+
+from __future__ import annotations
+
+from nadrc_ros.testing import loop, RunningLoop
+import numpy as np
+
+PLANT = {'plant': 'paper', 'a1': -1.0, 'a2': -1.0, 'disturbance': 'sine', 'noise_variance': 1e-6}
+STEP = 1.5  # s
+
+
+def main() -> None:
+    """Walk through the tour, and say what is to be seen."""
+    with loop(
+        plant=PLANT,
+        controller={'inner_bandwidth': 12.0, 'outer_bandwidth': 12.0},
+        reference={'signal': 'cosine', 'frequency': 0.5},
+        duration=9.0 * STEP,
+    ) as run:
+        _look(run, 'in control from the start')
+        described = run.controller.describe_parameter('inner_bandwidth')
+        print('inner_bandwidth:', described.description)
+        run.change(inner_bandwidth=20.0)
+        _look(run, 'inner_bandwidth 20')
+        run.change(structure='conventional')
+        _look(run, 'one observer')
+        run.change('plant', disturbance_amplitude=2.0)
+        _look(run, 'twice the disturbance')
+        run.change('plant', {'fault.measurement.kind': 'silent'})
+        _look(run, 'no measurement: the safe command')
+        run.change('plant', {'fault.measurement.kind': 'none'})
+        _look(run, 'measured again')
+        print(run.controller.enable(False)[1])
+        _look(run, 'disabled: the safe command')
+        print(run.controller.enable()[1])
+        _look(run, 'enabled again')
+        result = run.finish()
+    print(f'ITAE {result.metrics.itae:.3g}, ISU {result.metrics.isu:.3g}')
+
+
+def _look(run: RunningLoop, said: str) -> None:
+    """Let the loop run for a while, and print the largest error of the last quarter of it."""
+    run.run_until(run.time + STEP)
+    result = run.result()
+    late = result.time > run.time - 0.25 * STEP
+    error = np.abs(result.reference - result.output)[late]
+    shown = f'largest error {error.max():.3f}' if error.size else 'nothing measured'
+    estimate = run.controller.controller.total_disturbance
+    print(f'{run.time:4.1f} s  {said}: {shown}, total disturbance {estimate:.2f}', flush=True)
+
+
+if __name__ == '__main__':
+    main()
