@@ -17,6 +17,7 @@ from nadrc_ros.nodes.controller import LoopSettings
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import disturbance_fields, fault_fields, noise_fields
 from nadrc_ros.scenario.mapping import from_mapping
+from nadrc_ros.simulation.plants.paper import PaperPlant
 from nadrc_ros.simulation.signals import signal_fields
 from nadrc_ros.tuning.design.limits import check
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
@@ -40,7 +41,7 @@ PARAMETERS: dict[str, dict[str, Declared]] = {
         **declared(PacingSettings),
         **declared(LoopSettings),
     },
-    'plant': disturbance_fields() | noise_fields() | fault_fields(),
+    'plant': declared(PaperPlant) | disturbance_fields() | noise_fields() | fault_fields(),
     'reference': {
         **declared(import_module('nadrc_ros.nodes.reference').ReferenceSettings),
         **signal_fields(),
