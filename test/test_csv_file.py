@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import gzip
 from io import StringIO
 from math import isnan
 from pathlib import Path
 
 from hypothesis import given, strategies
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.scenario import csv_file
 from nadrc_ros.scenario.csv_file import CsvFile, open_csv
 import pytest
 
@@ -35,6 +37,7 @@ def columns(file: CsvFile) -> list[list[float]]:
         (GERMAN.encode('utf-16'), TOLD + 'UTF-16'),
         (GERMAN.encode('latin-1'), TOLD + 'Latin-1'),
         ('sep=;\n' + GERMAN, TOLD + 'UTF-8'),
+        (gzip.compress(GERMAN.encode()), TOLD + 'UTF-8'),
         (GERMAN.replace(';', '\t'), 'tabs between cells, decimal commas, UTF-8'),
         (GERMAN.replace('\r\n', '\r'), TOLD + 'UTF-8'),
         ('Logger X7\nSerial;1234\n\n' + GERMAN, TOLD + 'UTF-8'),
@@ -129,8 +132,8 @@ def test_a_last_row_that_was_cut_is_left_out_and_any_other_is_named(tmp_path: Pa
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('t,y\n0,1\n1,2\n1,3\n', 'line 4: t = 1 repeats that of line 3, 1'),
-        ('t,y\n0,1\n5,2\n\n4,3\n3,3\n', 'line 5: t = 4 is before that of line 3, 5, .*; 1 more'),
+        ('t,y\n0,1\n1,2\n1,3\n', 'line 4: t repeats that of line 3, 1 s'),
+        ('t,y\n0,1\n5,2\n\n4,3\n3,3\n', 'line 5: t is before that of line 3, 5 s, .*; 1 more'),
         ('t,y\n0,1\n,2\n', "line 3: t = '' is no time"),
         ('t,y\n0,1\ninf,2\n', "line 3: t = 'inf' is no time"),
         ('t,y\n0,1\n1,x\n', "line 3: y = 'x' is no number"),
@@ -143,6 +146,8 @@ def test_a_last_row_that_was_cut_is_left_out_and_any_other_is_named(tmp_path: Pa
         ('', 'no table of at least two columns'),
         ('words, words\nand words\n', 'no table of at least two columns'),
         (bytes(range(256)), 'this is not text'),
+        (b'PK\x03\x04' + bytes(9), 'a workbook: save its sheet as CSV'),
+        (gzip.compress(GERMAN.encode())[:-9], 'a gzip file that is broken'),
     ],
 )
 def test_what_cannot_be_read_is_named_by_its_line(
@@ -156,3 +161,22 @@ def test_what_cannot_be_read_is_named_by_its_line(
 def test_a_unit_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="unit of time 'hz': must be one of s, ms, us"):
         opened(tmp_path, 't,y\n0,1\n1,2\n').series('t', 'y', 'hz')
+
+
+def test_a_file_of_many_blocks_is_one_series(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_file, 'BLOCK', 7)
+    lines = [f'{k};{k}' if k < 20 else f'{k};{k},5' for k in range(50)]
+    found = opened(tmp_path, 't;y\n' + '\n'.join(lines) + '\n50').series('t', 'y')
+    assert found.time.tolist() == list(range(50)) and found.cut
+    assert found.columns['y'][-1] == 49.5
+    lines[30] = '30;x'
+    with pytest.raises(UserError, match="line 32: y = 'x' is no number"):
+        opened(tmp_path, 't;y\n' + '\n'.join(lines)).series('t', 'y')
+
+
+def test_a_comma_after_a_thousand_whole_numbers_is_that_of_a_number(tmp_path: Path) -> None:
+    lines = [f'{k};{k}' for k in range(1100)] + ['1100;0,5']
+    found = opened(tmp_path, 't;y\n' + '\n'.join(lines)).series('t', 'y')
+    assert found.columns['y'][-1] == 0.5

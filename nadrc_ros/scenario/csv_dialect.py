@@ -49,8 +49,8 @@ class Dialect:
         Of the columns; their numbers from 1 where there is no heading.
     units
         Of time, of the columns whose heading says so, else ''.
-    separator, decimal_comma
-        What is between the cells and within numbers.
+    separator, decimal
+        What is between the cells and within numbers, '' if the first ones are whole.
     first_line
         Of the numbers.
 
@@ -60,13 +60,18 @@ class Dialect:
     units: tuple[str, ...]
     heading: bool
     separator: str
-    decimal_comma: bool
+    decimal: str
     first_line: int
+
+    @property
+    def takes_comma(self) -> bool:
+        """Tell whether a comma in a cell is that of a number."""
+        return self.decimal == ',' or (self.decimal == '' and self.separator != ',')
 
     def __str__(self) -> str:
         """Say it in words."""
         words = [f'{SEPARATORS[self.separator]} between cells']
-        words += ['decimal commas'] if self.decimal_comma else []
+        words += ['decimal commas'] if self.decimal == ',' else []
         words += [] if self.heading else ['no heading, so columns have numbers']
         return ', '.join(words)
 
@@ -100,7 +105,7 @@ def dialect_of(text: str) -> Dialect:
         units=units,
         heading=any(names),
         separator=separator,
-        decimal_comma=any(',' in cell for cell in body) and not any('.' in cell for cell in body),
+        decimal=next((mark for mark in '.,' if any(mark in cell for cell in body)), ''),
         first_line=head[first][0],
     )
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime
+from gzip import decompress
+from itertools import dropwhile, islice
 from math import nan
 from pathlib import Path
 import re
+from zlib import error
 
 import attrs
 from nadrc_ros.adrc.errors import did_you_mean, UserError
@@ -18,6 +21,9 @@ Array = npt.NDArray[np.float64]
 DATE = re.compile(
     r'(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d:\d\d:\d\d)([.,]\d+)?\s*(?:Z|UTC|[-+]\d\d:?\d\d)?'
 )
+GZIP, ZIP = b'\x1f\x8b', b'PK\x03\x04'
+# Rows that are turned into numbers at a time, for the sake of the memory.
+BLOCK = 2**16
 
 
 @attrs.frozen(eq=False)
@@ -74,9 +80,19 @@ class CsvFile:
         unit = unit or self.unit_of(time)
         if unit not in SECONDS:
             raise UserError(f'the unit of time {unit!r}: must be one of {", ".join(SECONDS)}')
-        lines, cells, cut = self._cells(places)
-        stamps = self._times(time, cells[0], lines, SECONDS[unit])
-        values = [self._numbers(n, each, lines) for n, each in zip(columns, cells[1:])]
+        lines: list[int] = []
+        parts: list[list[Array]] = [[] for _ in places]
+        cut = False
+        for some, cells, short in self._blocks(places):
+            parts[0].append(self._times(time, cells[0], some, SECONDS[unit]))
+            for name, part, column in zip(columns, parts[1:], cells[1:]):
+                part.append(self._numbers(name, column, some))
+            lines += some
+            cut = short
+        if not lines:
+            raise UserError('there are no rows of numbers')
+        stamps, *values = (np.concatenate(part) for part in parts)
+        _check_order(time, stamps, lines)
         return Series(time=stamps, columns=dict(zip(columns, values)), cut=cut)
 
     def place(self, name: str) -> int:
@@ -94,22 +110,22 @@ class CsvFile:
         """Return the unit of a column of times: that of its heading, else s."""
         return self.dialect.units[self.place(time)] or 's'
 
-    def _cells(self, places: Sequence[int]) -> tuple[list[int], list[list[str]], bool]:
-        """Return the lines of the rows, their cells column by column, and whether one was cut."""
-        width, lines, short = len(self.names), [], 0
-        cells: list[list[str]] = [[] for _ in places]
-        for line, row in rows(self.text, self.dialect.separator, comments=False):
-            if line < self.dialect.first_line:
-                continue
-            if short or not width <= len(row) <= width + (row[-1] == ''):
-                if short or len(row) > width:
+    def _blocks(self, places: Sequence[int]) -> Iterator[tuple[list[int], list[list[str]], bool]]:
+        """Yield lines of rows, their cells by column, and whether a cut one followed, in parts."""
+        width, short = len(self.names), 0
+        body = rows(self.text, self.dialect.separator, comments=False)
+        body = dropwhile(lambda each: each[0] < self.dialect.first_line, body)
+        while block := list(islice(body, BLOCK)):
+            for line, row in block:
+                if len(row) == width and not short:
+                    continue
+                if short or len(row) > width + (row[-1] == ''):
                     raise self._uneven(short or line)
-                short = line  # the last one may be cut
-                continue
-            lines.append(line)
-            for column, place in zip(cells, places):
-                column.append(row[place])
-        return lines, cells, bool(short)
+                short = line if len(row) < width else 0  # the last one may be cut
+            if short:
+                block.pop()
+            cells = [[row[place] for _, row in block] for place in places]
+            yield [line for line, _ in block], cells, bool(short)
 
     def _uneven(self, line: int) -> UserError:
         hint = '; are commas between the cells and within numbers?' * (
@@ -127,31 +143,18 @@ class CsvFile:
         if is_missing(cell):
             return nan
         try:
-            return float(cell.replace(',', '.') if self.dialect.decimal_comma else cell)
+            return float(cell.replace(',', '.') if self.dialect.takes_comma else cell)
         except ValueError:
             raise UserError(f'line {line}: {name} = {cell!r} is no number') from None
 
     def _times(self, name: str, cells: list[str], lines: list[int], scale: float) -> Array:
-        if not cells:
-            raise UserError('there are no rows of numbers')
-        dates = DATE.fullmatch(cells[0].strip()) is not None
-        stamps = (
-            np.array([_seconds(name, *each) for each in zip(cells, lines)])
-            if dates
-            else scale * self._numbers(name, cells, lines)
-        )
+        if cells and DATE.fullmatch(cells[0].strip()):
+            stamps = np.array([_seconds(name, *each) for each in zip(cells, lines)])
+        else:
+            stamps = scale * self._numbers(name, cells, lines)
         bad = np.flatnonzero(~np.isfinite(stamps))
         if bad.size:
             raise UserError(f'line {lines[bad[0]]}: {name} = {cells[bad[0]]!r} is no time')
-        bad = np.flatnonzero(np.diff(stamps) <= 0.0)
-        if bad.size:
-            i = int(bad[0])
-            how = 'repeats' if stamps[i + 1] == stamps[i] else 'is before'
-            more = f'; {bad.size - 1} more such lines' if bad.size > 1 else ''
-            raise UserError(
-                f'line {lines[i + 1]}: {name} = {cells[i + 1]} {how} that of line {lines[i]}, '
-                f'{cells[i]}, and times must increase{more}'
-            )
         return stamps
 
 
@@ -167,8 +170,28 @@ def open_csv(path: Path) -> CsvFile:
         When it cannot be read.
 
     """
-    text, encoding = decoded(path.read_bytes())
+    raw = path.read_bytes()
+    if raw.startswith(GZIP):
+        try:
+            raw = decompress(raw)
+        except (EOFError, OSError, error) as failure:
+            raise UserError(f'a gzip file that is broken: {failure}') from None
+    if raw.startswith(ZIP):
+        raise UserError('this is no text but an archive, or a workbook: save its sheet as CSV')
+    text, encoding = decoded(raw)
     return CsvFile(text, dialect_of(text), encoding)
+
+
+def _check_order(name: str, stamps: Array, lines: list[int]) -> None:
+    bad = np.flatnonzero(np.diff(stamps) <= 0.0)
+    if bad.size:
+        i = int(bad[0])
+        how = 'repeats' if stamps[i + 1] == stamps[i] else 'is before'
+        more = f'; {bad.size - 1} more such lines' if bad.size > 1 else ''
+        raise UserError(
+            f'line {lines[i + 1]}: {name} {how} that of line {lines[i]}, {stamps[i]:.15g} s, and '
+            f'times must increase{more}'
+        )
 
 
 def _bare(name: str) -> str:
