@@ -90,7 +90,7 @@ class Loop:
         while process.k < steps:
             drawn = self.noise_start + len(self.noise)
             if process.k == drawn:
-                self.noise = process.noise.block(drawn, min(BLOCK, steps - drawn))
+                self.noise = process.noise_block(drawn, min(BLOCK, steps - drawn))
                 self.noise_start = drawn
                 drawn += len(self.noise)
             if kernel is not None and self._regular():
