@@ -39,13 +39,13 @@ import numpy as np
 
 LAW = (observer, feedback, differentiator, law, supervisor, controller)
 SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
-# All others are inlined, which makes the loop six times as fast; these would double the time to
-# compile for nothing.
 # So many combinations of classes are kept ready; a further one is read from disk again.
 KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
 ENTRIES = 1 + REFERENCE_DERIVATIVES
-SELDOM = (law._refuse, law._restart, law.start, law.approach, observer.place)
+# All others are inlined, which makes the loop six times as fast; these would double the time to
+# compile for nothing.
+SELDOM = (law._refuse, law._restart, law.start, law.rest, law.approach, observer.place)
 
 
 @intrinsic
@@ -122,7 +122,7 @@ def compiled_loop(
             for i in range(len(r)):
                 r[i] = 0.0
             references(reference_signal, t, r)
-            usable = True
+            usable = design.reference_min <= r[0] <= design.reference_max
             for i in range(len(r)):
                 usable = usable and SMALLEST < r[i] < LARGEST
             if not usable:
