@@ -35,7 +35,7 @@ def bits(values: Sequence[float]) -> list[str]:
 
 
 def state_bits(state: State) -> list[list[str]]:
-    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.risen)]
+    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.age)]
 
 
 def copy_of(state: State) -> State:
@@ -43,8 +43,7 @@ def copy_of(state: State) -> State:
         [list(level) for level in state.levels],
         list(state.profile),
         list(state.offset),
-        list(state.risen),
-        list(state.waited),
+        list(state.age),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)

@@ -10,8 +10,9 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.records.figures import RunSettings
 from nadrc_ros.records.history import append_parameters, write_about
-from nadrc_ros.records.recording import RunFolder, RunSettings, STAMPS, summarise
+from nadrc_ros.records.recording import RunFolder, STAMPS, summarise
 
 SIGNALS = (
     *('reference', 'measurement', 'command', 'output', 'total_disturbance'),
@@ -39,6 +40,7 @@ def record(
             'command': sin(3.0 * t) + rng.gauss(0.0, 0.1),
             'output': cos(t) + 0.1 * sin(t),
             **{name: rng.gauss(0.0, 1.0) for name in SIGNALS[4:]},
+            'reference_stamp': 1.999 + t,
             'measurement_stamp': 2.0 + t + rng.uniform(0.0, 1e-4),
             'command_stamp': 2.001 + t + rng.uniform(0.0, 1e-3),
             **fixed,

@@ -15,10 +15,10 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
+from nadrc_ros.records.figures import Figures, RunSettings
 from nadrc_ros.records.recording import (
     read_samples,
     RunFolder,
-    RunSettings,
     SAMPLES,
     SETTINGS,
     summarise,
@@ -35,7 +35,8 @@ ROOT = Path(__file__).parents[1]
 WRITER = """
 import sys
 from pathlib import Path
-from nadrc_ros.records.recording import RunFolder, RunSettings
+from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.recording import RunFolder
 
 columns = ['time', 'reference', 'measurement', 'command']
 folder = RunFolder(Path(sys.argv[1]), columns, RunSettings())
@@ -50,7 +51,8 @@ while True:
 OPENER = """
 import sys
 from pathlib import Path
-from nadrc_ros.records.recording import RunFolder, RunSettings
+from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.recording import RunFolder
 
 print('ready', flush=True)
 sys.stdin.read()
@@ -80,17 +82,17 @@ def record(
     directory: Path, run: RunSettings = RUN, count: int = 50, lost: tuple[int, ...] = ()
 ) -> tuple[Path, dict[str, Any]]:
     """Record a run of odd numbers; return its folder and what a recorder would say of it."""
-    folder, metrics, rng = RunFolder(directory, COLUMNS, run), run.metrics(), random.Random(5)
+    folder, figures, rng = RunFolder(directory, COLUMNS, run), Figures(run), random.Random(5)
     kept = [k for k in range(count) if k not in lost]
     for k in kept:
         values = {name: rng.gauss(0.0, 1.0) for name in COLUMNS[1:]}
         if k == 7:
             values['reference'] = values['output'] = nan
         values['command'] = 1.0 if k % 3 == 0 else nan if k == 8 else values['command']
-        run.add(metrics, k / run.rate, values)
+        figures.add(k / run.rate, values)
         folder.write([k / run.rate, *values.values()])
     folder.close()
-    return folder.path, summary(run, metrics, len(kept), count)
+    return folder.path, summary(figures)
 
 
 @pytest.mark.parametrize('error', ['reference', 'tracking'])

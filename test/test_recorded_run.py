@@ -9,13 +9,17 @@ import sys
 
 from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recorded_run import read_run
-from nadrc_ros.records.recording import RunFolder, RunSettings
+from nadrc_ros.records.recording import RunFolder, summarise
 from nadrc_ros.records.source import Source
+from nadrc_ros.report.subject import make_subject
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode
 
+EARLIER = Path(__file__).parent / 'data' / 'earlier_run'
 H = 0.01
 # Reference from 20 ms on; measurement k at k h; the command in reply comes 0.3 ms later, the
 # first one to measurement 2.
@@ -62,6 +66,42 @@ def test_a_folder_of_the_recorder_reads_as_it_was_written(tmp_path: Path) -> Non
     np.testing.assert_array_equal(list(run.columns.values()), np.transpose(rows))
     folder.write_summary({'rows': 2})
     assert read_run(folder.path).summary == {'rows': 2}
+
+
+def test_a_folder_of_an_earlier_version_means_what_it_did() -> None:
+    """Its rows are periods of a fixed rate, and it says nothing of a settle time."""
+    run, history = read_run(EARLIER), read_history(EARLIER)
+    assert run.rate == 20.0
+    assert run.columns['time'].tolist() == [k / 20.0 for k in range(60)]
+    found, recorded = summarise(EARLIER), run.summary
+    assert {name: found['metrics'][name] for name in recorded['metrics']} == recorded['metrics']
+    for name in ('rows', 'periods', 'rate', 'error'):
+        assert found[name] == recorded[name]
+    (change,) = history.changes
+    assert [(change.name, change.before, change.after)] == [('inner_bandwidth', 8.0, 6.0)]
+    assert history.events == []
+    subject = make_subject(run, history)
+    assert subject.metrics.as_dict() == found['metrics']
+    assert (subject.gaps, subject.figures.settle_time) == (0, 2.0)
+
+
+def test_a_folder_has_the_rate_of_its_measurements(tmp_path: Path) -> None:
+    """Also one of some rows in an hour; rows of the truth, in silence of the sensor, count not."""
+    columns = ('time', 'reference', 'measurement', 'command', 'output')
+    for period in (0.0025, 5.0, 900.0):
+        folder = RunFolder(tmp_path, columns, RunSettings())
+        for k in range(300):
+            silent = 100 <= k < 140
+            folder.write([period * k, 1.0, nan if silent else 0.5, 2.0, 0.5])
+            if silent:
+                folder.write([period * (k + 0.5), 1.0, nan, 2.0, 0.5])
+        folder.close()
+        run = read_run(folder.path)
+        assert run.rate == pytest.approx(1.0 / period)
+        assert make_subject(run, History()).gaps == 40
+        found = summarise(folder.path)
+        assert found['metrics']['iae'] == pytest.approx(150.0 * period)
+        assert (found['rows'], found['gap_time']) == (340, 0.0)
 
 
 def test_the_rate_of_a_bag_is_right_with_jitter_and_lost_measurements(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from math import inf
 import time
 from typing import Any
 
+from nadrc_ros.nodes.topics import Info, with_info
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
@@ -22,7 +23,7 @@ UNKNOWN = '_UNKNOWN_'
 TYPES = {kind.value for kind in Parameter.Type}
 
 Values = dict[str, Any]
-Tell = Callable[[str, Values], None]
+Tell = Callable[[str, Values, Info | None], None]
 
 
 class ParameterWatch:
@@ -39,7 +40,8 @@ class ParameterWatch:
         Whose publishers are asked.
     tell
         Called with the full name of a node and values: all of them first, then those that
-        changed. A node that was started anew is told in full again.
+        changed, with the info of the message that told so. A node that was started anew is told
+        in full again.
 
     """
 
@@ -50,7 +52,10 @@ class ParameterWatch:
         self._tell = tell
         self._sources: dict[str, _Source] = {}
         node.create_subscription(
-            ParameterEvent, '/parameter_events', self._on_event, qos_profile_parameter_events
+            ParameterEvent,
+            '/parameter_events',
+            with_info(self._on_event),
+            qos_profile_parameter_events,
         )
 
     def look(self) -> None:
@@ -83,18 +88,18 @@ class ParameterWatch:
             source.ask_anew()
         source.publishers = publishers
 
-    def _learn(self, name: str, values: Values) -> None:
+    def _learn(self, name: str, values: Values, info: Info | None = None) -> None:
         self.known[name] = self.known.get(name, {}) | values
-        self._tell(name, values)
+        self._tell(name, values, info)
 
-    def _on_event(self, event: ParameterEvent) -> None:
+    def _on_event(self, event: ParameterEvent, info: Info) -> None:
         source = self._sources.get(event.node)
         if source is None:
             return
         if not source.answered:
             source.ask_anew()  # an answer that is on its way may be older than the change
         elif event.changed_parameters:
-            self._learn(event.node, _values(event.changed_parameters))
+            self._learn(event.node, _values(event.changed_parameters), info)
 
 
 class _Source:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
-from math import isnan, nan
+from functools import partial
+from math import inf
 from pathlib import Path
 import sys
 import time
@@ -15,34 +16,36 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, number, text
 from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
+from nadrc_ros.nodes.events import receive_events
+from nadrc_ros.nodes.intake import Intake
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.parameter_watch import ParameterWatch
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
-from nadrc_ros.nodes.stamps import Losses, Places
-from nadrc_ros.nodes.topics import Info, receive, RECORD, Sender
+from nadrc_ros.nodes.topics import Info, Sender
 from nadrc_ros.nodes.versions import versions
-from nadrc_ros.records.history import append_parameters, write_about
+from nadrc_ros.records.figures import Figures, FigureSettings, RunSettings
+from nadrc_ros.records.history import append_event, append_parameters, Event, write_about
 from nadrc_ros.records.recording import (
     ESTIMATES,
-    FigureSettings,
     NEEDED,
-    OFF_RATE,
     RunFolder,
-    RunSettings,
+    STAMPED,
     STAMPS,
     summary,
     topic_of,
     TRUTH,
 )
+from nadrc_ros.records.rows import Gap, Row
 from nadrc_ros.simulation.metrics import MetricValues
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 FLUSH = 0.2
 METRICS = tuple(field.name for field in attrs.fields(MetricValues))
-BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
+SECOND = 1_000_000_000  # ns
+# Writes something down, with its time in the run [s].
+Note = Callable[[float | None], None]
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 
 DESCRIPTION = 'Writes the signals of a loop to a folder, and publishes its figures of merit.'
@@ -89,10 +92,10 @@ class RecorderNode(LiveNode):
     """
     Streams the loop's signals to ``samples.csv`` and computes its figures of merit.
 
-    In real time a row belongs to one measurement and is complete when the next one comes: the
-    command is then the one that acted meanwhile. Its time is counted in periods since the first
-    command, so that a measurement that was lost, or never sent, leaves a gap and does not shift
-    the rest. When measurement and command left their publishers is recorded too, but in lockstep.
+    In real time a row belongs to an instant, by the source stamps of what was measured then, and
+    is written when it is over: see :class:`~nadrc_ros.records.rows.Rows`. What happens to the
+    loop is recorded with the time at which it was told: parameters, events of controller and
+    plant, gaps.
     """
 
     default_name = 'recorder'
@@ -104,26 +107,24 @@ class RecorderNode(LiveNode):
         ).value
         figures = {name: getattr(self.settings, name) for name in declared(FigureSettings)}
         figures['settle_time'] = self.settings.settle_time or 0.1 * self.settings.duration
-        self._run = RunSettings(rate=self.pacing.rate, **figures)
+        rate = self.pacing.rate if self.pacing.lockstep else 0.0
+        self._run = RunSettings(rate=rate, **figures)
         topics = self.settings.topics()
-        self._simulated: bool = self.get_parameter('use_sim_time').value
-        # Stamps are of this machine's clock.
-        self._stamps = () if self.pacing.lockstep or self._simulated else STAMPS
-        self._columns = ['time', *topics, *self._stamps]
-        self._losses = {name: Losses() for name in topics}
-        self._places = Places(self.pacing.rate, stamped=not self._simulated)
+        self._columns = ['time', *topics]
         self._senders = {name: Sender(self, f'~/{name}') for name in METRICS}
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
+        for source in (self.settings.controller, self.settings.plant):
+            receive_events(self, source, self._on_event)
         self.lockstep: Lockstep | None = None
+        self.intake: Intake | None = None
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire)
             for topic in topics.values():
                 self.lockstep.add_input(topic)
         else:
-            self._heard = {
-                name: receive(self, topic, self._taker(name), RECORD)
-                for name, topic in topics.items()
-            }
+            self.intake = Intake(self, topics)
+            if not self.intake.simulated:  # stamps are of this machine's clock
+                self._columns += STAMPS
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(FLUSH, self._on_flush, clock=steady)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -141,28 +142,29 @@ class RecorderNode(LiveNode):
         write_about(self.folder.path, self._about())
         for node, values in self._watch.known.items():
             append_parameters(self.folder.path, None, node, values)
-        self.metrics = self._run.metrics()
+        self.figures = Figures(self._run)
         self.recording = True
-        self.lost = dict.fromkeys(self._losses, 0)
-        self._latest = dict.fromkeys(self._columns[1:], nan)
-        self._started = False
-        self._pending: tuple[int, float] | None = None
-        self._first = 0
-        self._index = -1
-        self._rows = 0
+        self._notes: list[tuple[int, Note]] = []
+        if self.intake is not None:
+            self.intake.restart(self._begin * SECOND)
         self.get_logger().info(f'recording to {self.folder.path}')
 
     def _end_run(self) -> None:
-        """Complete the last row and write the summary."""
-        if not self.recording:
-            return
-        self._complete_row()
+        """Complete the last rows and write the summary."""
+        if self.recording and self.intake is not None:
+            self._guarded(self._write, self.intake.end())
+        if self.recording:
+            self._guarded(self._finish)
+
+    def _finish(self) -> None:
+        """Write what is left, and the summary."""
         self.recording = False
-        try:
-            self.folder.close()
-            self.folder.write_summary(self._summary())
-        except OSError as error:
-            self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
+        if self.intake is not None:
+            self.intake.open = False
+        self.figures.end()
+        self._write_notes(inf)
+        self.folder.close()
+        self.folder.write_summary(self._summary())
 
     def _about(self) -> dict[str, Any]:
         started = datetime.fromtimestamp(self._begin, timezone.utc)
@@ -172,99 +174,101 @@ class RecorderNode(LiveNode):
             'versions': versions(),
         }
 
-    def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
-        if not self.recording:
-            return
-        now = (self._index + 1) / self.pacing.rate if self._rows else None
-        try:
-            append_parameters(self.folder.path, now, node, values)
-        except OSError as error:
-            self._stop_on_full_disk(error)
-
     def _summary(self) -> dict[str, Any]:
-        by_signal = self._lost_by_signal()
-        return summary(self._run, self.metrics, self._rows, self._index + 1) | {
+        by_signal = {} if self.intake is None else self.intake.lost_by_signal()
+        return summary(self.figures) | {
             'samples_lost': None if by_signal is None else sum(by_signal.values()),
             'samples_lost_by_signal': by_signal,
             'complete': not self.recording,
         }
 
-    def _lost_by_signal(self) -> dict[str, int] | None:
-        """Return what was lost, None where the middleware does not number what it sends."""
-        if any(losses.unknown for losses in self._losses.values()):
-            return None
-        return {name: n for name, n in self.lost.items() if n}
+    # ---- what happens besides ----
 
-    # ---- samples ----
+    def _on_parameters(self, node: str, values: dict[str, Any], info: Info | None) -> None:
+        self._note(
+            lambda t: append_parameters(self.folder.path, t, node, values),
+            '/parameter_events of ' + node,
+            info,
+        )
 
-    def _taker(self, name: str) -> Any:
-        def take(value: float, info: Info) -> None:
-            lost = self._losses[name].before(info['publication_sequence_number'])
-            if self.recording and self._started:  # before the first row, none is missing
-                self.lost[name] += lost
-            if name == 'measurement':
-                self._measure(value, self._places.of(info, self._now(), lost))
-            if self.recording:
-                self._started = self._started or name == 'command'
-                self._latest[name] = value
-                if (stamp := f'{name}_stamp') in self._stamps:
-                    left = info['source_timestamp'] - self._begin * 1_000_000_000
-                    self._latest[stamp] = left / 1e9
+    def _on_event(self, node: str, kind: str, message: str, info: Info) -> None:
+        self._note(
+            lambda t: append_event(self.folder.path, Event(t, node, kind, message)),
+            'events of ' + node,
+            info,
+        )
 
-        return take
-
-    def _now(self) -> int:
-        return self.get_clock().now().nanoseconds if self._simulated else time.monotonic_ns()
-
-    def _measure(self, value: float, place: int) -> None:
-        if self.recording:
-            self._complete_row()
-            self._pending = place, value
-
-    def _complete_row(self) -> None:
-        """Write the row of the last measurement, now that its command is known."""
-        if not self._started or self._pending is None:
+    def _note(self, note: Note, source: str, info: Info | None) -> None:
+        """Write something when the rows of its time are written: only then is t known."""
+        if not self.recording:
             return
-        (place, measurement), self._pending = self._pending, None
-        if not self._rows:
-            self._first = place
-        index = place - self._first
-        t = index / self.pacing.rate
-        if 0.0 < self.settings.duration <= t + 0.5 * self.pacing.period:
-            self._end_run()
-            self.get_logger().info(f'{self.settings.duration:g} s are recorded')
+        if self.intake is None:
+            self._guarded(note, self.figures.last if self.figures.rows else None)
             return
-        self._index = index
-        self._row(t, {**self._latest, 'measurement': measurement})
+        moment = self.intake.now() if info is None else self.intake.left(source, info)
+        self._notes.append((moment, note))
+
+    def _write_notes(self, until: float) -> None:
+        for gap in self.intake.gaps() if self.intake is not None else ():
+            self._notes.append((gap.time, partial(self._write_gap, gap)))
+        ready = [each for each in self._notes if each[0] <= until]
+        self._notes = [each for each in self._notes if each[0] > until]
+        for moment, note in sorted(ready, key=lambda each: each[0]):
+            note(None if self.intake is None else self.intake.since_begin(moment))
+
+    def _write_gap(self, gap: Gap, t: float | None) -> None:
+        cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
+        message = f'no {gap.signal} for {gap.length / SECOND:.4g} s: {cause}'
+        event = Event(t, self.get_fully_qualified_name(), 'gap', message)
+        append_event(self.folder.path, event)
+
+    # ---- rows ----
 
     def _fire(self, values: list[float]) -> None:
         """Record one lockstep period."""
         if self.recording:
-            self._index += 1
-            self._row(self._index / self.pacing.rate, dict(zip(self._columns[1:], values)))
-
-    def _row(self, t: float, values: dict[str, float]) -> None:
-        self._run.add(self.metrics, t, values)
-        self._rows += 1
-        try:
-            self.folder.write([t, *values.values()])
-        except OSError as error:
-            self._stop_on_full_disk(error)
+            row = Row(self.figures.rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
+            self._guarded(self._write, [row])
 
     def _on_flush(self) -> None:
         self._watch.look()
         if self.recording:
-            try:
-                self.folder.flush()
-            except OSError as error:
-                self._stop_on_full_disk(error)
-        values = self.metrics.values()
+            self._guarded(self._flush)
+        values = self.figures.values()
         for name, sender in self._senders.items():
             sender.send(float(getattr(values, name)))
 
-    def _stop_on_full_disk(self, error: OSError) -> None:
-        self.recording = False
-        self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
+    def _flush(self) -> None:
+        """Write all that is over."""
+        if self.intake is not None:
+            until, rows = self.intake.close()
+            self._write(rows)
+            if not self.recording:  # that was the last row
+                return
+            self._write_notes(until)
+        self.folder.flush()
+
+    def _write(self, rows: list[Row]) -> None:
+        stamped = STAMPED if self._columns[-1] in STAMPS else ()
+        for row in rows:
+            rate = self.figures.rate
+            half = 0.5 / rate if rate else 0.0
+            if 0.0 < self.settings.duration <= row.time + half:
+                self._finish()
+                self.get_logger().info(f'{self.settings.duration:g} s are recorded')
+                return
+            self.figures.add(row.time, row.values)
+            self.folder.write(
+                [row.time, *row.values.values(), *(row.stamps[name] for name in stamped)]
+            )
+
+    def _guarded(self, work: Callable[..., None], *arguments: Any) -> None:
+        """Stop, with a reason, when the disk is full."""
+        try:
+            work(*arguments)
+        except OSError as error:
+            self.recording = False
+            self.fail(f'{self.folder.path}: cannot write: {error.strerror}')
 
     # ---- services and reports ----
 
@@ -285,7 +289,7 @@ class RecorderNode(LiveNode):
     def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         try:
             if self.recording:
-                self.folder.flush()
+                self._flush()
             self.folder.write_summary(self._summary())
         except OSError as error:
             response.success, response.message = False, f'cannot write: {error.strerror}'
@@ -294,40 +298,28 @@ class RecorderNode(LiveNode):
         return response
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
-        by_signal = self._lost_by_signal()
+        by_signal = {} if self.intake is None else self.intake.lost_by_signal()
         lost = None if by_signal is None else sum(by_signal.values())
-        unheard = [] if self.lockstep else [k for k, v in self._latest.items() if isnan(v)]
+        unheard = [] if self.intake is None else self.intake.unheard()
+        gap_time = self.figures.gap_time
         values = {
-            'rows': self._rows,
+            'rows': self.figures.rows,
             'samples_lost': 'unknown' if lost is None else lost,
-            'measured_rate': self._places.measured_rate,
+            'measured_rate': self.figures.rate,
+            'gap_time': gap_time,
             'waiting_for': ' '.join(unheard),
             'folder': self.folder.path,
         }
-        first = [name for name in ('measurement', 'command') if name in unheard]
-        if self.recording and first:  # without these there is no row
-            return WARN, f'waiting for {" and ".join(first)}{self._best_effort(first)}', values
-        if self._off_rate():
-            measured, rate = self._places.measured_rate, self.pacing.rate
-            message = f'measurements come at {measured:.4g} Hz and the rate is {rate:g} Hz'
-            return WARN, f'{message}: the figures of this run are wrong', values
+        first: list[str] = [name for name in ('measurement', 'command') if name in unheard]
+        if self.recording and self.intake is not None and first:  # without these there is no row
+            hint = self.intake.best_effort(first)
+            return WARN, f'waiting for {" and ".join(first)}{hint}', values
         if lost:
             return WARN, f'{lost} samples lost', values
+        if gap_time:
+            message = f'{gap_time:.3g} s without a measurement or a true output are in no figure'
+            return WARN, message, values
         return OK, 'recording' if self.recording else 'done', values
-
-    def _off_rate(self) -> bool:
-        measured = 0.0 if self._simulated else self._places.measured_rate
-        return measured > 0.0 and abs(measured / self.pacing.rate - 1.0) > OFF_RATE
-
-    def _best_effort(self, names: list[str]) -> str:
-        """Return how to hear those that are published, but not as reliably as is asked for."""
-        for topic in (self._heard[name] for name in names):
-            publishers = self.get_publishers_info_by_topic(topic)
-            name = f'qos_overrides.{topic}.subscription.reliability'
-            given = any(p.qos_profile.reliability == BEST_EFFORT for p in publishers)
-            if given and self.get_parameter(name).value != 'best_effort':
-                return f': {topic} is published as best effort, so start with {name} best_effort'
-        return ''
 
     def close(self) -> None:
         """Write the summary."""

@@ -1,10 +1,8 @@
-"""The time between samples of an unstamped topic and those lost, from what the middleware says."""
+"""When samples of an unstamped topic left and which were lost, from what the middleware says."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from statistics import median
 import time
 
 from nadrc_ros.nodes.topics import Info
@@ -20,8 +18,8 @@ EARLY_PERIODS = 5
 DRIFT = 1e-4
 # A first sample may be late: for so long, and so many more, how early it could be here counts too.
 LEARN = 1_000_000_000
-# So many samples tell how fast they come, and by how much they are late.
-FEW, MANY = 20, 100
+# So many samples tell by how much they are late.
+FEW = 20
 # More publishers of one topic are not told apart.
 PUBLISHERS = 8
 
@@ -130,42 +128,66 @@ def _follows(number: int | None, seen: int | None, last: int | None, far_back: b
     return number > last or (far_back and number == seen + 1)  # or the publisher was restarted
 
 
-class Places:
+class Departures:
     """
-    Gives the period that each sample of a fixed-rate publisher is of, counted from the first one.
+    Gives the time at which the samples of one topic left, on the steady clock of this machine.
 
-    Samples are counted, with those that were lost. Where the stamps say that more time went by,
-    the publisher itself missed periods, and these count too.
+    A source stamp is of the clock of its publisher. Where that is ours, the sample left as long
+    ago as the stamp is old, however late it comes. A clock is not ours if a stamp is from the
+    future, if the first one is older than any way here takes, or if it goes back while the
+    publication numbers go on: then the least delay so far is taken for none, and is followed as
+    clocks drift. So a step of a clock moves no sample by more than what it is late. Without a
+    stamp a sample left when it came.
 
     Parameters
     ----------
-    rate
-        Periods per second [Hz].
-    stamped
-        As for :class:`SampleTimes`.
+    wall
+        The clock of stamps on this machine [ns].
+
+    Attributes
+    ----------
+    clock_jumps
+        How often the clock of the publisher turned out to be another one than it was.
 
     """
 
-    def __init__(self, rate: float, stamped: bool = True) -> None:
-        self._rate = rate
-        self._times = SampleTimes(1.0 / rate, stamped)
-        self._elapsed = -1.0 / rate
-        self._place = -1
-        self._spacings: deque[float] = deque(maxlen=MANY)
+    def __init__(self, wall: Callable[[], int] = time.time_ns) -> None:
+        self.clock_jumps = 0
+        self._wall = wall
+        self._behind = 0  # so much the publisher's clock is behind ours [ns]
+        self._last: tuple[int, int | None] | None = None
+        self._least, self._count, self._since = 0, 0, 0
 
-    def of(self, info: Info, now: int, lost: int) -> int:
-        """Return the place of a sample that came ``now`` [ns] with so many lost before it."""
-        span = self._times.span(info, now)
-        if span > 0.0:
-            self._elapsed += span
-            self._spacings.append(span / (1 + lost))
-        self._place = max(self._place + 1 + lost, round(self._elapsed * self._rate))
-        return self._place
+    def of(self, info: Info, now: int) -> int:
+        """Return when a sample left that came ``now`` on the steady clock [ns]."""
+        stamp: int = info['source_timestamp']
+        number: int | None = info['publication_sequence_number']
+        if not stamp:
+            return now
+        delay = self._wall() - stamp - self._behind
+        last, self._last = self._last, (stamp, number)
+        if last is None:
+            another = delay > JUMP
+        else:
+            follows = number is None or last[1] is None or number > last[1]
+            another = follows and stamp < last[0] - JUMP
+        if another or delay < -FUTURE:
+            self.clock_jumps += last is not None
+            self._behind += delay
+            delay = self._count = 0
+        self._follow(delay, now)
+        return now - max(delay, 0)
 
-    @property
-    def measured_rate(self) -> float:
-        """Return how many samples come per second [Hz], lost ones included; 0 = not known yet."""
-        return 1.0 / median(self._spacings) if len(self._spacings) >= FEW else 0.0
+    def _follow(self, delay: int, now: int) -> None:
+        """Learn the least delay, of a second and enough samples, where the clock is not ours."""
+        if not self._count:
+            self._least, self._since = delay, now
+        self._count += 1
+        self._least = min(self._least, delay)
+        if self._count >= FEW and now - self._since >= LEARN:
+            if self._behind or self._least > JUMP:
+                self._behind += self._least
+            self._count = 0
 
 
 class Losses:

@@ -78,12 +78,8 @@ class Sender:
 def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST) -> str:
     """Subscribe ``callback(value, info)`` to a topic and return its full name."""
 
-    def signature(data: bytes, info: Info) -> None: ...
-
-    # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
-    @functools.wraps(signature)
-    def call(*args: Any) -> None:
-        data, info = args if len(args) == 2 else args[0]
+    @with_info
+    def call(data: bytes, info: Info) -> None:
         callback(_number(data), info)
 
     qos = copy.copy(qos)  # rclpy writes overrides into it
@@ -92,6 +88,18 @@ def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST)
     )
     name: str = subscription.topic_name
     return name
+
+
+def with_info(callback: Callable[[Any, Info], None]) -> Callable[..., None]:
+    """Return a callback of a message and its info that works on every executor."""
+
+    # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
+    @functools.wraps(callback)
+    def call(*args: Any) -> None:
+        message, info = args if len(args) == 2 else args[0]
+        callback(message, info)
+
+    return call
 
 
 def _number(data: bytes) -> float:

@@ -4,7 +4,9 @@ What was around a recorded run: who ran it, and the parameters of its nodes as t
 Beside the samples of a run, ``about.json`` says when it was started, by what versions and in which
 namespace; ``parameters.jsonl`` grows by a line whenever a node tells parameters:
 ``{"time": 7.5, "node": "/controller", "values": {"b0": 2.0}}``. The time is that of the samples
-[s], null before the first one. A folder may lack either.
+[s], null before the first one. ``events.jsonl`` has a line for all else that happened:
+``{"time": 5.0, "node": "/controller", "kind": "mode", "message": "holding: ..."}``. A folder may
+lack any of them.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from nadrc_ros.writing import write_json
 
 ABOUT = 'about.json'
 PARAMETERS = 'parameters.jsonl'
+EVENTS = 'events.jsonl'
 
 Values = dict[str, Any]
 
@@ -37,12 +40,23 @@ class Change:
 
 
 @attrs.frozen
+class Event:
+    """What happened at ``time`` [s], before the first sample if that is None."""
+
+    time: float | None
+    node: str
+    kind: str
+    message: str
+
+
+@attrs.frozen
 class History:
-    """What ``about.json`` says, the first parameters known of each node, and their changes."""
+    """What ``about.json`` says, the first parameters known of each node, changes and events."""
 
     about: Values = attrs.field(factory=dict)
     parameters: dict[str, Values] = attrs.field(factory=dict)
     changes: list[Change] = attrs.field(factory=list)
+    events: list[Event] = attrs.field(factory=list)
 
 
 def write_about(folder: Path, content: Mapping[str, Any]) -> None:
@@ -54,9 +68,17 @@ def append_parameters(
     folder: Path, time: float | None, node: str, values: Mapping[str, Any]
 ) -> None:
     """Append what a node tells of itself; the line is the system's when this returns."""
-    line = json.dumps({'time': time, 'node': node, 'values': values})
-    with (folder / PARAMETERS).open('a', encoding='utf-8') as file:
-        file.write(line + '\n')
+    _append(folder / PARAMETERS, {'time': time, 'node': node, 'values': values})
+
+
+def append_event(folder: Path, event: Event) -> None:
+    """Append what happened; the line is the system's when this returns."""
+    _append(folder / EVENTS, attrs.asdict(event))
+
+
+def _append(path: Path, record: Values) -> None:
+    with path.open('a', encoding='utf-8') as file:
+        file.write(json.dumps(record) + '\n')
 
 
 def read_history(folder: Path) -> History:
@@ -70,6 +92,8 @@ def read_history(folder: Path) -> History:
 
     """
     history = History(about=_about(_text(folder / ABOUT)))
+    for place, line in enumerate(_text(folder / EVENTS).split('\n')[:-1], 1):
+        history.events.append(_event(place, line))
     lines = _text(folder / PARAMETERS).split('\n')[:-1]
     now: dict[str, Values] = {}
     for place, line in enumerate(lines, 1):
@@ -99,6 +123,15 @@ def _about(text: str) -> Values:
     if not isinstance(content, dict):
         raise RecordingError(f'{ABOUT}: not a table of values by name')
     return content
+
+
+def _event(place: int, line: str) -> Event:
+    try:
+        record = json.loads(line)
+        time = None if record['time'] is None else float(record['time'])
+        return Event(time, *(str(record[key]) for key in ('node', 'kind', 'message')))
+    except (ValueError, TypeError, KeyError):
+        raise RecordingError(f'{EVENTS}, line {place}: not time, node, kind, message') from None
 
 
 def _record(place: int, line: str) -> tuple[float | None, str, Values]:

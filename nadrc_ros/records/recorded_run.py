@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,8 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
             raise RecordingError(
                 f'{SAMPLES} has columns of known names; topics and columns are those of other logs'
             )
-        rate, columns, summary = read_settings(path).rate, _columns(path), read_summary(path)
+        columns, summary = _columns(path), read_summary(path)
+        rate = read_settings(path).rate or _rate(_measured(columns))
     elif path.exists() and is_bag(path):
         columns = read_bag(path, source)
         rate = _rate(columns['time'])
@@ -107,10 +109,15 @@ def _columns(folder: Path) -> dict[str, Array]:
     return columns
 
 
+def _measured(columns: Mapping[str, Array]) -> Array:
+    """Return the times of rows with a measurement, of all where there are hardly any."""
+    measured = columns['time'][np.isfinite(columns['measurement'])]
+    return measured if measured.size > 1 else columns['time']
+
+
 def _rate(time: Array) -> float:
     """Return the rate [Hz] of times with jitter and gaps: periods counted over the time taken."""
     steps = np.diff(time)
     if not steps.size or np.median(steps) <= 0.0:
         raise RecordingError('too few measurements to tell their rate')
-    periods = np.maximum(np.rint(steps / np.median(steps)), 1.0)
-    return float(periods.sum() / steps.sum())
+    return float(np.rint(steps / np.median(steps)).sum() / steps.sum())

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 import json
-from math import inf, isfinite, isnan, nan
+from math import isfinite, isnan, nan
 from pathlib import Path
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.adrc.fields import build, choice, declared, number
-from nadrc_ros.simulation.metrics import Metrics
+from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.records.figures import Figures, RunSettings
 from nadrc_ros.writing import write_json
 
 SETTINGS = 'run.json'
@@ -25,10 +25,9 @@ ESTIMATES = {
     'output_estimate': 'output_estimate',
     'disturbance_estimate': 'total_disturbance',
 }
-# So much faster or slower than they should, measurements are not those of the rate of a run.
-OFF_RATE = 0.05
-# When measurement and command left their publishers [s since the start in about.json].
-STAMPS = ('measurement_stamp', 'command_stamp')
+# When the samples of a row left their publishers [s since the start in about.json].
+STAMPED = ('reference', 'measurement', 'command')
+STAMPS = tuple(f'{name}_stamp' for name in STAMPED)
 # What an earlier version did not write and took for granted.
 EARLIER = {'settle_time': 2.0}
 
@@ -58,55 +57,6 @@ def topic_of(name: str, plant: str = 'plant', controller: str = 'controller') ->
         return f'{controller}/level_{level}/disturbance'
     known = ' '.join((*NEEDED, *TRUTH, *ESTIMATES, 'level_1 level_2 ...'))
     raise SettingError('inputs', name, f'some of {known}')
-
-
-@attrs.frozen(kw_only=True)
-class FigureSettings:
-    """What the figures of merit need to know besides the samples."""
-
-    error: str = choice(
-        'reference',
-        ('reference', 'tracking'),
-        'error of the metrics: reference - output, or ~/tracking of the controller - output',
-        live=False,
-    )
-    command_min: float = number(
-        -1e9, -1e9, 1e9, 'command unit', 'lower limit, for the saturated fraction', live=False
-    )
-    command_max: float = number(
-        1e9, -1e9, 1e9, 'command unit', 'upper limit, for the saturated fraction', live=False
-    )
-    settle_time: float = number(
-        0.0,
-        0.0,
-        1e7,
-        's',
-        'from when on peak_error counts; 0 = a tenth of duration, never without one',
-        live=False,
-    )
-
-
-@attrs.frozen(kw_only=True)
-class RunSettings(FigureSettings):
-    """What ``run.json`` has: enough to compute the figures of merit from the samples."""
-
-    rate: float = number(200.0, 1.0, 5000.0, 'Hz', 'periods per second')
-
-    def metrics(self) -> Metrics:
-        """Return the figures of merit of no sample."""
-        return Metrics(self.settle_time or inf)
-
-    def add(self, metrics: Metrics, t: float, values: Mapping[str, float]) -> None:
-        """Add the row of time ``t`` [s]; without a true output the measurement stands for it."""
-        command = values['command']
-        followed = values.get('tracking', nan)
-        if self.error == 'reference' and not isnan(values['reference']):
-            followed = values['reference']
-        output = values.get('output', nan)
-        if isnan(output):
-            output = values['measurement']
-        saturated = command <= self.command_min or command >= self.command_max
-        metrics.add(t, 1.0 / self.rate, followed - output, command, saturated)
 
 
 class RunFolder:
@@ -205,18 +155,19 @@ def read_samples(folder: Path) -> dict[str, list[float]]:
     return {name: [row[i] for row in rows] for i, name in enumerate(samples.names)}
 
 
-def summary(settings: RunSettings, metrics: Metrics, rows: int, periods: int) -> dict[str, Any]:
+def summary(figures: Figures) -> dict[str, Any]:
     """
     Return what every summary has, whoever makes it.
 
-    There are fewer ``rows`` than ``periods`` where measurements were lost or never sent.
+    There are fewer ``rows`` than ``periods`` where there was nothing to make them of.
     """
     return {
-        'metrics': metrics.values().as_dict(),
-        'rows': rows,
-        'periods': periods,
-        'rate': settings.rate,
-        'error': settings.error,
+        'metrics': figures.values().as_dict(),
+        'rows': figures.rows,
+        'periods': figures.periods,
+        'rate': figures.rate,
+        'error': figures.settings.error,
+        'gap_time': figures.gap_time,
     }
 
 
@@ -240,16 +191,19 @@ def summarise(folder: Path) -> dict[str, Any]:
     for name in ('time', *NEEDED):
         if name not in samples.names:
             raise RecordingError(f'{SAMPLES}: no column {name}')
-    metrics, rows, periods = settings.metrics(), 0, 0.0
+    figures = Figures(settings)
     for row in samples:
         values = dict(zip(samples.names, row))
-        settings.add(metrics, values['time'], values)
-        rows, periods = rows + 1, values['time'] * settings.rate
-    if not rows:
+        time = values['time']
+        if not isfinite(time):
+            raise RecordingError(f'{SAMPLES}: the time of row {figures.rows} is not a number')
+        if figures.rows and time <= figures.last:
+            raise RecordingError(f'{SAMPLES}: the times do not increase at {time:g} s')
+        figures.add(time, values)
+    if not figures.rows:
         raise RecordingError(f'{SAMPLES}: no samples')
-    if not isfinite(periods):
-        raise RecordingError(f'{SAMPLES}: the time of the last row is not a number')
-    return summary(settings, metrics, rows, round(periods) + 1) | {
+    figures.end()
+    return summary(figures) | {
         'samples_lost': None,
         'samples_lost_by_signal': None,
         'complete': False if samples.cut else None,

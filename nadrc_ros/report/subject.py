@@ -10,13 +10,12 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.records.figures import Figures, FigureSettings, RunSettings
 from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recorded_run import OWN, read_run, RecordedRun
 from nadrc_ros.records.recording import (
-    FigureSettings,
     read_settings,
     RecordingError,
-    RunSettings,
     SAMPLES,
     SETTINGS,
 )
@@ -107,9 +106,10 @@ class Subject:
 
     @property
     def gaps(self) -> int:
-        """Return how many periods have no row."""
-        periods = round(float(self.time[-1] - self.time[0]) * self.run.rate)
-        return max(0, periods + 1 - len(self.time))
+        """Return how many periods have no measurement."""
+        measured = self.time[np.isfinite(self.run.columns['measurement'])]
+        periods = np.rint(np.diff(measured) * self.run.rate).sum()
+        return max(0, int(periods) + 1 - len(measured))
 
     @property
     def latency(self) -> Array:
@@ -204,12 +204,13 @@ def _figures(run: RecordedRun) -> RunSettings:
 
 
 def _metrics(run: RecordedRun, figures: RunSettings) -> MetricValues:
-    metrics = figures.metrics()
+    found = Figures(figures)
     columns = {name: values.tolist() for name, values in run.columns.items()}
     for row in zip(*columns.values()):
         values = dict(zip(columns, row))
-        figures.add(metrics, values['time'], values)
-    return metrics.values()
+        found.add(values['time'], values)
+    found.end()
+    return found.values()
 
 
 def _names(subjects: Sequence[Subject]) -> list[str]:

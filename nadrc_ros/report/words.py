@@ -43,7 +43,7 @@ def _what(subjects: Mapping[str, Subject]) -> str:
 
 
 def _size(subject: Subject) -> str:
-    length = (len(subject.time) + subject.gaps) / subject.run.rate
+    length = float(subject.time[-1] - subject.time[0]) + 1.0 / subject.run.rate
     return f'{length:.4g} s at {subject.run.rate:.4g} Hz'
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 import json
+from math import isnan
 from pathlib import Path
 
 from nadrc_ros.records.recording import read_samples, SUMMARY
@@ -29,19 +30,18 @@ def check_rows(
         if times[value] == 1 and {number - 1, number + 1} <= heard
     }
     samples = read_samples(folder)
-    indices = [round(t * rate) for t in samples['time']]
-    rows = list(zip(indices, samples['measurement']))
-    known = [(i, *row) for i, row in enumerate(rows) if row[1] in numbers]
-    # Periods without a measurement shift the rows behind them, and never back.
-    ahead = [index - numbers[value] for _, index, value in known]
-    assert ahead == sorted(ahead)
+    pairs = zip(samples['measurement'], samples['measurement_stamp'])
+    rows = [value for value, stamp in pairs if not isnan(stamp)]
+    known = [(place, numbers[value]) for place, value in enumerate(rows) if value in numbers]
+    # What was lost shifts the rows behind it, and never back.
+    behind = [number - place for place, number in known]
+    assert behind == sorted(behind)
     summary = json.loads((folder / SUMMARY).read_text(encoding='utf-8'))
     lost: int = summary['samples_lost_by_signal'].get('measurement', 0)
-    assert summary['rows'] == len(indices)
-    assert summary['periods'] == indices[-1] + 1
+    assert summary['rows'] == len(samples['time'])
     # What lies between two known rows is a row or is counted; outside them some may be lost too.
-    (begin, _, first), *_, (end, _, last) = known
-    missing = numbers[last] - numbers[first] - (end - begin)
+    (begin, first), *_, (end, last) = known
+    missing = last - first - (end - begin)
     outside = 0.0 if (begin, end) == (0, len(rows) - 1) else rate
     assert missing <= lost <= missing + outside
-    return len(indices), lost
+    return len(rows), lost

@@ -80,8 +80,7 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     make_probe: Callable[..., Probe], tmp_path: Path
 ) -> None:
     directory = tmp_path / 'runs'
-    # so slow that samples as they come never look like missed periods
-    values = {'rate': 1.0, 'inputs': 'reference measurement command', 'directory': str(directory)}
+    values = {'inputs': 'reference measurement command', 'directory': str(directory)}
     probe = make_probe(parameters={'recorder': values})
     probe.node.declare_parameter('gain', 1.0)
     begin = time.time()
@@ -95,9 +94,9 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     probe.wait_until(lambda: f'{probe.namespace}/mute' in recorder._watch._sources)
     for k in range(5):
         measure(float(k))
-        probe.wait_until(lambda: recorder._losses['measurement'].newest == k + 1)  # noqa: B023
+        probe.wait_until(lambda: recorder.intake.losses['measurement'].newest == k + 1)  # noqa: B023
         command(-float(k))
-        probe.wait_until(lambda: recorder._losses['command'].newest == k + 1)  # noqa: B023
+        probe.wait_until(lambda: recorder.intake.losses['command'].newest == k + 1)  # noqa: B023
     probe.node.set_parameters([Parameter('gain', value=2.0)])
     probe.wait_until(lambda: recorder._watch.known[source]['gain'] == 2.0)
     assert probe.trigger('recorder/reset').success
@@ -122,7 +121,7 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     history = read_history(first)
     assert history.parameters[source]['gain'] == 1.0
     assert [(c.name, c.before, c.after) for c in history.changes] == [('gain', 1.0, 2.0)]
-    assert history.changes[0].time == 4.0
+    assert rows['time'][-1] <= history.changes[0].time < time.time() - begin
     assert read_history(second).parameters[source]['gain'] == 2.0
     assert not read_history(second).changes
     assert len((second / PARAMETERS).read_text().splitlines()) == 1
@@ -142,4 +141,6 @@ def test_p16_a_parameter_event_of_a_type_that_does_not_exist_ends_nothing(
     odd = ParameterMessage(name='gain', value=ParameterValue(type=77))
     events.publish(ParameterEvent(node=source, changed_parameters=[odd]))
     probe.wait_until(lambda: recorder._watch.known[source]['gain'] is None)
-    assert read_history(the_run(directory)).parameters[source]['gain'] is None
+    folder = the_run(directory)
+    probe.wait_until(lambda: source in read_history(folder).parameters)
+    assert read_history(folder).parameters[source]['gain'] is None

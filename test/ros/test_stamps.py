@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.nodes.stamps import Places, SampleTimes
+from nadrc_ros.nodes.stamps import Departures, SampleTimes
 import pytest
 
 MS = 1_000_000
@@ -100,21 +100,6 @@ def test_p10_a_jump_of_a_clock_that_was_behind_from_the_start_is_seen() -> None:
     assert line.times.clock_jumps == 1
     assert line.span(302, 1510.0, clock=400.0) == pytest.approx(5.0)
     assert line.times.clock_jumps == 1
-
-
-@pytest.mark.parametrize('period', [4.0, 5.0, 20.0])
-def test_places_tell_how_fast_samples_come(period: float) -> None:
-    places = Places(1.0 / PERIOD)
-    for number in range(1, 31):
-        assert places.measured_rate == 0.0 or number > 20
-        stamp = START + round(period * number * MS)
-        info = {
-            'source_timestamp': stamp,
-            'received_timestamp': stamp,
-            'publication_sequence_number': number,
-        }
-        places.of(info, round(period * number * MS), 0)
-    assert places.measured_rate == pytest.approx(1e3 / period)
 
 
 @pytest.mark.parametrize('drift', [-5e-5, 5e-5])
@@ -228,3 +213,70 @@ def test_p09_a_restarted_publisher_that_is_twice_as_fast_as_the_controller_is_fo
         line.times.saw({'publication_sequence_number': number - 1})
         spans.append(line.span(number, 2.5 * number - 1e6, now=300.0 + 2.5 * number))
     assert spans[1:] == [pytest.approx(5.0)] * 9
+
+
+class Way:
+    """From a publisher to a recorder: the clock of stamps here, and how much that one is ahead."""
+
+    def __init__(self) -> None:
+        self.wall = START
+        self.steady = 77 * MS
+        self.ahead = 0.0
+        self.number = 0
+        self.departures = Departures(lambda: self.wall)
+
+    def take(self, sent: float, delay: float = 0.2, step: float = 0.0) -> float:
+        """Return when a sample left [ms]; on its way our clock is stepped by so much."""
+        self.number += 1
+        stamp = self.wall - self.steady + 77 * MS + round((sent + self.ahead) * MS)
+        now = 77 * MS + round((sent + delay) * MS)
+        self.wall += now - self.steady + round(step * MS)
+        self.steady = now
+        info = {'source_timestamp': stamp, 'publication_sequence_number': self.number}
+        return (self.departures.of(info, now) - 77 * MS) / MS
+
+
+def test_a_sample_left_when_its_stamp_says_however_late_it_comes() -> None:
+    way = Way()
+    for k in range(100):
+        assert way.take(5.0 * k, 0.2 + 30.0 * (k % 7 == 3)) == pytest.approx(5.0 * k)
+    stalled = [way.take(500.0 + 5.0 * k, max(0.2, 400.0 - 5.0 * k)) for k in range(200)]
+    assert stalled == pytest.approx([500.0 + 5.0 * k for k in range(200)])
+    assert way.departures.clock_jumps == 0
+
+
+@pytest.mark.parametrize('ahead', [-3_600_000.0, -500.0, 50.0, 3_600_000.0])
+def test_a_sample_of_another_clock_left_when_the_quickest_one_came(ahead: float) -> None:
+    way = Way()
+    way.ahead = ahead
+    times = [way.take(5.0 * k, 0.2 + 30.0 * (k % 7 == 3)) for k in range(600)]
+    assert times[300:] == pytest.approx([5.0 * k + 0.2 for k in range(300, 600)])
+
+
+@pytest.mark.parametrize('step', [-3_600_000.0, -300.0, 300.0, 3_600_000.0])
+def test_a_step_of_the_clock_moves_no_sample_but_one_on_its_way(step: float) -> None:
+    """The clock of the machine is set: that of stamps here and that of the publisher."""
+    way = Way()
+    for k in range(100):
+        way.take(5.0 * k)
+    way.take(500.0, step=step)
+    assert [way.take(5.0 * k) for k in range(101, 400)] == pytest.approx(
+        [5.0 * k for k in range(101, 400)], abs=0.21
+    )
+
+
+@pytest.mark.parametrize('step', [-3_600_000.0, -300.0, 3_600_000.0])
+def test_a_step_of_the_publishers_clock_moves_no_sample(step: float) -> None:
+    way = Way()
+    for k in range(100):
+        way.take(5.0 * k)
+    way.ahead = step
+    assert [way.take(5.0 * k) for k in range(100, 400)] == pytest.approx(
+        [5.0 * k for k in range(100, 400)], abs=0.21
+    )
+    assert way.departures.clock_jumps == 1
+
+
+def test_a_sample_without_a_stamp_left_when_it_came() -> None:
+    info = {'source_timestamp': 0, 'publication_sequence_number': None}
+    assert Departures().of(info, 123) == 123

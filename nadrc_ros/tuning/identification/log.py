@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import comb
 
 from nadrc_ros.records.recorded_run import RecordedRun
-from nadrc_ros.records.recording import OFF_RATE, RecordingError
+from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.tuning.identification.predictor import Array, Log
 import numpy as np
 
@@ -16,6 +16,8 @@ MOST_WITHOUT_REFERENCE = 0.2
 # A spread of the output up to that many times its noise is no motion.
 STILL = 1.3
 NOISE_DIFFERENCES = 4
+# So much faster or slower than they should, measurements are not those of the rate of a run.
+OFF_RATE = 0.05
 # A reference with that share of its power in one line, after so many turns, is a sine alone.
 ONE_LINE, TURNS = 0.9, 3
 ADVICE = 'record at least some seconds of a reference that moves, best a chirp or a square'

@@ -253,11 +253,10 @@ def front_of_first(trials: Sequence[Trial], single: bool) -> list[Figures]:
 
 def digest(scenario: Scenario, name: str, tuning: TuneSettings, varied: Sequence[Variable]) -> str:
     """Return what tells studies apart: everything that changes a result but the length."""
+    file = scenario.plant.file
     text = dump(attrs.evolve(scenario, controllers={name: scenario.controllers[name]}))
-    for file in scenario.files:
-        text = text.replace(file, sha256(Path(file).read_bytes()).hexdigest())
     parts: list[Any] = [
-        text,
+        text.replace(file, sha256(Path(file).read_bytes()).hexdigest()) if file else text,
         sorted(attrs.asdict(attrs.evolve(tuning, trials=1)).items()),
         list(varied),
     ]

@@ -1,0 +1,143 @@
+"""What a recorder hears in real time: samples with the time at which they left, as rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import nan
+import time
+from typing import Any
+
+from nadrc_ros.nodes.stamps import Departures, Losses
+from nadrc_ros.nodes.topics import Info, receive, RECORD
+from nadrc_ros.records.recording import STAMPED
+from nadrc_ros.records.rows import Gap, Row, Rows
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+
+BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
+# Samples of all topics are there so long after the newest one left [ns], and without any new ones
+# after so long.
+SKEW, SILENCE = 200_000_000, 500_000_000
+SECOND = 1e9
+# A reference that nobody moves and estimates that a controller leaves out are no gap.
+REGULAR = ('measurement', 'output', 'command')
+
+
+class Intake:
+    """
+    Subscribes to the signals of a loop and makes rows of what comes.
+
+    Times are of the steady clock of this machine, in simulated time of ``/clock``: there a sample
+    left when it came, and where that clock goes back, time stands still.
+
+    Parameters
+    ----------
+    node
+        Listens.
+    topics
+        Topics by signal.
+
+    Attributes
+    ----------
+    lost
+        How many samples were lost since the run began, by signal.
+
+    """
+
+    def __init__(self, node: Node, topics: Mapping[str, str]) -> None:
+        self.losses = {name: Losses() for name in topics}
+        self.simulated: bool = node.get_parameter('use_sim_time').value
+        self._node = node
+        self._departures: dict[str, Departures] = {}
+        self._clock = self._stood = 0
+        self.restart(0)
+        self._heard = {
+            name: receive(node, topic, self._taker(name), RECORD) for name, topic in topics.items()
+        }
+
+    def restart(self, begin: int) -> None:
+        """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
+        self.lost = dict.fromkeys(self.losses, 0)
+        self.open = True
+        self._rows = Rows(list(self.losses))
+        self._begin = begin
+        self._started = False
+        self._looked = self.now()
+
+    def lost_by_signal(self) -> dict[str, int] | None:
+        """Return what was lost, None where the middleware does not number what it sends."""
+        if any(losses.unknown for losses in self.losses.values()):
+            return None
+        lost = {**self.lost, 'measurement': self.lost['measurement'] + self._rows.late}
+        return {name: n for name, n in lost.items() if n}
+
+    def unheard(self) -> list[str]:
+        """Return the signals of which nothing came in this run."""
+        return self._rows.unheard()
+
+    def now(self) -> int:
+        """Return the present time [ns]."""
+        if not self.simulated:
+            return time.monotonic_ns()
+        before, self._clock = self._clock, self._node.get_clock().now().nanoseconds
+        self._stood += max(0, before - self._clock)
+        return self._clock + self._stood
+
+    def left(self, source: str, info: Info) -> int:
+        """Return when a message of ``source`` left that came just now [ns]."""
+        now = self.now()
+        if self.simulated:
+            return now
+        if source not in self._departures:
+            self._departures[source] = Departures()
+        return self._departures[source].of(info, now)
+
+    def since_begin(self, moment: int) -> float | None:
+        """Return the time of a moment in the run [s], None before its first row."""
+        begin = self._rows.begin
+        return None if begin is None or moment < begin else (moment - begin) / SECOND
+
+    def close(self) -> tuple[int, list[Row]]:
+        """Return until when [ns] all rows are made, and those that were not returned before."""
+        until, now = self._rows.newest - SKEW, self.now()
+        # Who stood still for so long has not taken what came meanwhile.
+        if now - self._looked < SILENCE:
+            until = max(until, now - SILENCE)
+        self._looked = now
+        return until, self._rows.close(until)
+
+    def gaps(self) -> list[Gap]:
+        """Return the gaps in the run that were found since they were asked for."""
+        found, self._rows.gaps = self._rows.gaps, []
+        return [gap for gap in found if gap.signal in REGULAR and self.since_begin(gap.time)]
+
+    def end(self) -> list[Row]:
+        """Return the rows that are left, and take no more samples."""
+        self.open = False
+        return self._rows.end()
+
+    def best_effort(self, names: list[str]) -> str:
+        """Return how to hear those that are published, but not as reliably as is asked for."""
+        for topic in (self._heard[name] for name in names):
+            publishers = self._node.get_publishers_info_by_topic(topic)
+            name = f'qos_overrides.{topic}.subscription.reliability'
+            given = any(p.qos_profile.reliability == BEST_EFFORT for p in publishers)
+            if given and self._node.get_parameter(name).value != 'best_effort':
+                return f': {topic} is published as best effort, so start with {name} best_effort'
+        return ''
+
+    def _taker(self, name: str) -> Any:
+        def take(value: float, info: Info) -> None:
+            lost = self.losses[name].before(info['publication_sequence_number'])
+            moment = self.left(name, info)
+            if not self.open:
+                return
+            if self._started:  # before the first row, none is missing
+                self.lost[name] += lost
+            self._started = self._started or name == 'command'
+            stamp = nan
+            if name in STAMPED and info['source_timestamp']:
+                stamp = (info['source_timestamp'] - self._begin) / SECOND
+            self._rows.take(name, moment, value, stamp, lost)
+
+        return take

@@ -1,0 +1,69 @@
+"""What a loop would send to a recorder, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+import time
+from typing import Any
+
+from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.records.recording import read_samples, SUMMARY
+from probe import Probe
+
+PERIOD = 0.02
+INPUTS = 'reference measurement command output'
+TOPICS = ('reference', 'measurement', 'command', 'plant/output')
+
+
+class Feed:
+    """Publishes what a loop would, sample by sample, to a recorder beside the probe."""
+
+    def __init__(self, make: Callable[..., Probe], directory: Path, **settings: Any) -> None:
+        values = {'inputs': INPUTS, 'directory': str(directory), **settings}
+        self.probe = make(parameters={'recorder': values})
+        self.recorder = self.probe.add(RecorderNode())
+        self.send = {topic: self.probe.publisher(topic) for topic in TOPICS}
+        self.intake = self.recorder.intake
+        self.probe.wait_until(self._heard)
+        assert self.probe.trigger('recorder/reset').success
+        self.k = 0
+        self._before = self.intake.losses['command'].newest
+        self._next = time.monotonic()
+
+    def _heard(self) -> bool:
+        """Send something on every topic; whether the recorder has heard them all."""
+        for send in self.send.values():
+            send(0.0)
+        return not self.intake.unheard()
+
+    def sample(self, *, silent: bool = False) -> None:
+        """Send the next sample a period after the last one, or all of it but the measurement."""
+        self._next = max(self._next + PERIOD, time.monotonic())
+        self.probe.wait_until(lambda: time.monotonic() >= self._next)
+        k = self.k = self.k + 1
+        values = {'reference': 1.0, 'measurement': 0.1 * k, 'plant/output': 0.1 * k + 0.5}
+        values['command'] = 0.01 * k
+        for topic, value in values.items():
+            if not (silent and topic == 'measurement'):
+                self.send[topic](value)
+        heard = self.intake.losses['command']
+        self.probe.wait_until(lambda: heard.newest == self._before + k)
+
+    def samples(self, count: int) -> None:
+        for _ in range(count):
+            self.sample()
+
+    def rows(self, count: int) -> dict[str, list[float]]:
+        """Return the columns once there are so many rows in the file."""
+        folder = self.recorder.folder.path
+        self.probe.wait_until(lambda: len(read_samples(folder)['time']) >= count)
+        return read_samples(folder)
+
+    def summary(self) -> dict[str, Any]:
+        """End the run and return its summary."""
+        folder = self.recorder.folder.path
+        assert self.probe.trigger('recorder/reset').success
+        content: dict[str, Any] = json.loads((folder / SUMMARY).read_text())
+        return content
