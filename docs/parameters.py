@@ -11,15 +11,14 @@ from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.nodes.controller import LoopSettings
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import (
-    disturbance_fields,
     fault_fields,
     noise_fields,
     PlantSettings,
 )
 from nadrc_ros.nodes.recorder import RecorderSettings
 from nadrc_ros.nodes.reference import ReferenceSettings
+from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.simulation.plants import PLANTS
-from nadrc_ros.simulation.signals import signal_fields
 
 PAGE = Path(__file__).with_name('parameters.md')
 INTRODUCTION = """# Parameters
@@ -36,10 +35,17 @@ def page() -> str:
         'All nodes': declared(PacingSettings),
         'controller': declared(LoopSettings) | declared(ControllerSettings),
         'plant': (
-            declared(PlantSettings) | noise_fields() | disturbance_fields() | fault_fields()
+            declared(PlantSettings)
+            | noise_fields()
+            | NOISE_SIGNAL.fields()
+            | DISTURBANCE.fields()
+            | fault_fields()
         ),
         **{f'plant, with `plant: {name}`': declared(cls) for name, cls in PLANTS.items()},
-        'reference': declared(ReferenceSettings) | signal_fields(),
+        'reference': REFERENCE.fields() | declared(ReferenceSettings),
+        'reference, with `signal: my_log.csv`; `disturbance_`, `noise_signal_` for the plant': (
+            REFERENCE.fields('my_log.csv')
+        ),
         'recorder': declared(RecorderSettings),
     }
     parts = [INTRODUCTION]

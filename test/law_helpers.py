@@ -35,7 +35,7 @@ def bits(values: Sequence[float]) -> list[str]:
 
 
 def state_bits(state: State) -> list[list[str]]:
-    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.age)]
+    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.risen)]
 
 
 def copy_of(state: State) -> State:
@@ -43,7 +43,8 @@ def copy_of(state: State) -> State:
         [list(level) for level in state.levels],
         list(state.profile),
         list(state.offset),
-        list(state.age),
+        list(state.risen),
+        list(state.waited),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)

@@ -15,10 +15,10 @@ from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.controller import LoopSettings
 from nadrc_ros.nodes.pacing import PacingSettings
-from nadrc_ros.nodes.plant import disturbance_fields, fault_fields, noise_fields
+from nadrc_ros.nodes.plant import fault_fields, noise_fields
+from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.plants.paper import PaperPlant
-from nadrc_ros.simulation.signals import signal_fields
 from nadrc_ros.tuning.design.limits import check
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest
@@ -41,10 +41,16 @@ PARAMETERS: dict[str, dict[str, Declared]] = {
         **declared(PacingSettings),
         **declared(LoopSettings),
     },
-    'plant': declared(PaperPlant) | disturbance_fields() | noise_fields() | fault_fields(),
+    'plant': {
+        **declared(PaperPlant),
+        **DISTURBANCE.fields(),
+        **NOISE_SIGNAL.fields(),
+        **noise_fields(),
+        **fault_fields(),
+    },
     'reference': {
         **declared(import_module('nadrc_ros.nodes.reference').ReferenceSettings),
-        **signal_fields(),
+        **REFERENCE.fields(),
     },
     'recorder': {},
 }

@@ -322,15 +322,11 @@ def row(factor: float) -> str:
     louder = command_variance(loop) / command_variance(delayed_loop(right, plant, asked.period))
     found = margins(wrong, plant, asked.period)
     over = 100.0 * max(step.max() - 1.0, 0.0)
-    cells = (
-        f'{factor:g}',
-        f'{settling_time(step, h, BAND):.2g}',
-        f'{over:.0f}',
-        f'{louder**0.5:.2g} times',
-        f'{1e3 * found.delay:.2g}',
-        f'{found.modulus:.2f}',
+    settling = settling_time(step, h, BAND)
+    return (
+        f'| {factor:g} | {settling:.2g} | {over:.0f} | {louder**0.5:.2g} times '
+        f'| {1e3 * found.delay:.2g} | {found.modulus:.2f} |'
     )
-    return '| ' + ' | '.join(cells) + ' |'
 
 
 def test_what_a_wrong_b0_does_is_as_the_docs_say() -> None:

@@ -103,7 +103,7 @@ def objects() -> int:
 
 
 def bounded(state: State) -> bool:
-    rows = [*state.levels, state.profile, state.offset, state.age]
+    rows = [*state.levels, state.profile, state.offset, state.risen]
     return all(abs(x) < LARGEST for row in rows for x in row)
 
 

@@ -17,6 +17,27 @@ H = 0.01
 NAN = float('nan')
 
 
+# wc times the time until a step response of order n stays within 2 %.
+SETTLING = {1: 3.91, 2: 5.83, 3: 7.52, 4: 9.08}
+
+
+@pytest.mark.parametrize('order', (1, 2, 3))
+@pytest.mark.parametrize('at', (0.0, 8.0))
+def test_a_step_at_the_start_settles_like_one_of_an_order_more(order: int, at: float) -> None:
+    """The bumpless takeover decays with wc."""
+    settings = ControllerSettings(
+        plant_order=order, controller_bandwidth=1.0, inner_bandwidth=30.0, outer_bandwidth=30.0
+    )
+    controller, chain, settled = Controller(settings, checked=True), Chain(order), 0.0
+    for k in range(2000):
+        t = k * H
+        if t >= at and abs(chain.y - 1.0) > 0.02:
+            settled = t - at
+        reference = [1.0] if t >= at else [0.0]
+        chain.advance(controller.tick(chain.y, H, reference=reference), H)
+    assert settled == pytest.approx(SETTLING[order + (at == 0.0)], abs=0.02)
+
+
 @pytest.mark.parametrize('acceleration', (0.0, 5.0))
 @pytest.mark.parametrize('error_based', (False, True))
 def test_p11_enabling_without_a_reference_stays_where_it_is(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, nan
+from math import inf, isfinite, nan
 
 from nadrc_ros.adrc.design import Design, make_design, Vector
 from nadrc_ros.adrc.errors import SettingError
@@ -12,19 +12,20 @@ from nadrc_ros.adrc.law import (
     approach,
     blank_state,
     clamp,
-    copy_vector,
     disturbance_estimate,
     limit,
     meet,
     output_estimate,
     raw_command,
+    rejoin,
     retune,
     start,
     State,
     step,
+    wait,
 )
 from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
-from nadrc_ros.adrc.status import NO_MEASUREMENT, SATURATED, Status
+from nadrc_ros.adrc.status import NO_MEASUREMENT, RESTARTED, SATURATED, Status
 from nadrc_ros.adrc.supervisor import (
     Cause,
     HOLDING,
@@ -77,18 +78,33 @@ def tick(
             _hold(reference, measurement)
         start(design, measurement, applied, reference[0], state)
     command, status = step(design, state, reference, measurement, applied, span, out)
-    if elapsed < span and status <= SATURATED:
+    measured = status < NO_MEASUREMENT
+    if not measured:
+        wait(out, applied, elapsed)
+        command = _go_on(design, out, applied, elapsed)
+    elif elapsed < span and status <= SATURATED:
         command, limited = limit(design, command, applied, elapsed)
         status = max(status, limited)
     before = watch
     at_safe = applied == design.safe_command
-    measured = status < NO_MEASUREMENT
-    watch = supervise(design, watch, enabled, measured, referenced, at_safe, dt, elapsed, age)
+    watch = supervise(
+        design,
+        watch,
+        enabled,
+        measurement if measured else nan,
+        referenced,
+        at_safe,
+        status == SATURATED,
+        out.profile[0],
+        dt,
+        elapsed,
+        age,
+    )
     profiled = design.tracking_acceleration > 0.0
     stale = design.max_dt < watch.reference_age < inf or watch.cause == REFERENCE_TIMEOUT
     if stale and _moves(reference):
         _hold(reference, reference[0])
-        _rejoin(design, reference, out, command)
+        rejoin(design, reference, out, applied, elapsed)
     if watch.mode == MODE_OK:
         if before.mode != MODE_OK:
             if watch.reference_age == inf:
@@ -105,17 +121,19 @@ def tick(
     return command, status, watch
 
 
+def _go_on(design: Design, state: State, applied: float, elapsed: float) -> float:
+    """Return the command of a tick without a sample: held, or still on its way to the last one."""
+    if design.command_rate_limit > 0.0:
+        raw = raw_command(design, state)
+        if isfinite(raw):
+            return limit(design, raw, applied, elapsed)[0]
+    return clamp(design, applied)
+
+
 def _hold(reference: Vector, value: float) -> None:
     reference[0] = value
     for i in range(1, len(reference)):
         reference[i] = 0.0
-
-
-def _rejoin(design: Design, reference: Vector, state: State, command: float) -> None:
-    """Let the profile be the reference as it is by now, without a bump."""
-    if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
-        copy_vector(reference, state.profile)
-        meet(design, state, command)
 
 
 def _moves(reference: Vector) -> bool:
@@ -129,9 +147,20 @@ class Controller:
     """
     One running controller: settings, state and the counters an operator wants to see.
 
+    Parameters
+    ----------
+    settings
+        What to begin with.
+    enabled
+        Whether the law may act.
+    checked
+        That the sensor was seen to work already, as in a simulation, where the plant waits at its
+        initial state: the first valid sample then stands for ``good_samples``.
+
     Examples
     --------
-    >>> controller = Controller(ControllerSettings(plant_order=1, b0=2.0))
+    >>> settings = ControllerSettings(plant_order=1, b0=2.0)
+    >>> controller = Controller(settings, checked=True)
     >>> controller.tick(measurement=0.0, dt=0.01, reference=[1.0])
     0.0
     >>> 0.0 < controller.tick(measurement=0.0, dt=0.01) < 2.0
@@ -139,20 +168,23 @@ class Controller:
 
     """
 
-    def __init__(self, settings: ControllerSettings, *, enabled: bool = True) -> None:
+    def __init__(
+        self, settings: ControllerSettings, *, enabled: bool = True, checked: bool = False
+    ) -> None:
         self.settings = settings
         self.design = make_design(settings)
         self.state = blank_state(self.design)
-        self.watch = Watch()
+        self.watch = Watch(good=settings.good_samples - 1 if checked else 0)
         self.enabled = enabled
         self.reference: list[float] = [0.0] * (self.design.order + 1)
         self.command = settings.safe_command
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
+        self.refused_reference = nan
         self._ages = [0.0] * len(self.reference)
         self._next = blank_state(self.design)
         self._pending: tuple[ControllerSettings, Design] | None = None
-        self._restart = False
+        self._restarted = False
 
     def tick(
         self,
@@ -193,13 +225,7 @@ class Controller:
         referenced = reference is not None and self._take(reference)
         if applied is None or not SMALLEST < applied < LARGEST:
             applied = self.command
-        low, high = self.design.measurement_min, self.design.measurement_max
-        if self._restart and low <= measurement <= high:
-            start(self.design, measurement, applied, self.reference[0], self.state)
-            if self.watch.mode == MODE_OK:
-                self.watch = self.watch._replace(mode=HOLDING, good=0)
-            self._restart = False
-        span = min(self.watch.gap + dt, elapsed)
+        gap = self.watch.gap
         command, status, self.watch = tick(
             self.design,
             self.state,
@@ -217,10 +243,14 @@ class Controller:
         self.state, self._next = self._next, self.state
         self.status = _STATUSES[status]
         self.counts[self.status] += 1
+        span = elapsed
+        if status < NO_MEASUREMENT:
+            self._restarted = status == RESTARTED
+            span = min(gap + dt, elapsed)
         if self._pending is not None:
             command = self._swap(*self._pending, command, applied, span)
         self.command = command
-        self._drop_old_derivatives()
+        self._drop_old_derivatives(applied, elapsed)
         return command
 
     def retune(self, settings: ControllerSettings) -> None:
@@ -256,7 +286,7 @@ class Controller:
 
     def reset(self) -> None:
         """Forget the estimates; the next valid measurement restarts them without a bump."""
-        self._restart = True
+        self.watch = self.watch._replace(gap=inf)
 
     @property
     def mode(self) -> Mode:
@@ -271,7 +301,23 @@ class Controller:
     @property
     def restarted(self) -> bool:
         """Tell whether the last sample in control only restarted the observers."""
-        return self.watch.mode == MODE_OK and self.state.age[0] == 0.0
+        return self.watch.mode == MODE_OK and self._restarted
+
+    @property
+    def limited_for(self) -> float:
+        """How long the command has been at a limit, in control [s]."""
+        return self.watch.limited
+
+    @property
+    def stalled(self) -> bool:
+        """Tell whether it was at a limit for ``stall_time`` and the error did not shrink."""
+        return 0.0 < self.design.stall_time < self.watch.stalled
+
+    @property
+    def error_growth(self) -> float:
+        """By how much the error grew since the command reached its limit [output unit]."""
+        watch = self.watch
+        return abs(watch.aim - watch.last) - abs(watch.distance) if watch.limited > 0.0 else 0.0
 
     @property
     def quiet(self) -> bool:
@@ -303,8 +349,14 @@ class Controller:
         usable = [value is not None and SMALLEST < value < LARGEST for value in reference]
         if any(value is not None and not good for value, good in zip(reference, usable)):
             self.counts[Status.BAD_REFERENCE] += 1
-        if not usable or not usable[0]:
+        r = reference[0] if usable and usable[0] else None
+        if r is None:
             return False
+        if not self.design.reference_min <= r <= self.design.reference_max:
+            self.counts[Status.BAD_REFERENCE] += 1
+            self.refused_reference = r
+            return False
+        self.refused_reference = nan
         known = 1 + self.settings.received_derivatives
         for i in range(len(self.reference)):
             value = reference[i] if i < min(known, len(reference)) else 0.0
@@ -313,14 +365,14 @@ class Controller:
                 self._ages[i] = 0.0
         return True
 
-    def _drop_old_derivatives(self) -> None:
+    def _drop_old_derivatives(self, applied: float, elapsed: float) -> None:
         """Count derivatives that ceased to come as 0; the command does not show it."""
         reference, dropped = self.reference, False
         for i in range(1, len(reference)):
             if reference[i] != 0.0 and self._ages[i] > self.design.max_dt:
                 reference[i], dropped = 0.0, True
         if dropped:
-            _rejoin(self.design, reference, self.state, self.command)
+            rejoin(self.design, reference, self.state, applied, elapsed)
 
     def _swap(
         self,
@@ -331,10 +383,7 @@ class Controller:
         span: float,
     ) -> float:
         """Take over new settings on the state just reached, and return the command under them."""
-        law_command = limit(self.design, raw_command(self.design, self.state), applied, span)[0]
-        self.state = retune(
-            self.design, design, self.state, self.reference, law_command, applied, span
-        )
+        self.state = retune(self.design, design, self.state, self.reference, applied, span)
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None
         return clamp(design, command)

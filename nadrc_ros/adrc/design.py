@@ -56,11 +56,15 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     safe_command: float
     measurement_min: float
     measurement_max: float
+    reference_min: float
+    reference_max: float
     max_dt: float
     measurement_timeout: float
     reference_timeout: float
     hold_time: float
     good_samples: int
+    stall_time: float
+    stall_stops: bool
 
 
 def make_design(settings: ControllerSettings) -> Design:
@@ -107,11 +111,15 @@ def make_design(settings: ControllerSettings) -> Design:
         safe_command=settings.safe_command,
         measurement_min=settings.measurement_min,
         measurement_max=settings.measurement_max,
+        reference_min=settings.reference_min,
+        reference_max=settings.reference_max,
         max_dt=settings.max_dt,
         measurement_timeout=settings.measurement_timeout,
         reference_timeout=settings.reference_timeout,
         hold_time=settings.hold_time,
         good_samples=settings.good_samples,
+        stall_time=settings.stall_time,
+        stall_stops=settings.stall_action == 'fault',
     )
 
 

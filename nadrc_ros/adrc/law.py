@@ -8,7 +8,7 @@ bad input gives a :class:`Status`, and the next state equals the old one to the 
 
 from __future__ import annotations
 
-from math import copysign, exp, isfinite
+from math import copysign, exp, inf, isfinite
 
 import attrs
 from nadrc_ros.adrc.design import Design, Matrix, Vector
@@ -37,14 +37,17 @@ class State:
 
     In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (1,)
     is what a bumpless transfer added to the command; it decays with the controller bandwidth.
-    ``age`` (1,) is the time since the estimates were started [s]. ``scratch`` (K + 2, N) remembers
-    the observer gains of the last time step: it changes the speed of a step, and nothing else.
+    ``risen`` (1,) is how far the observers are through their rise after the first start, from 0 to
+    1. ``waited`` (2,) is the mean command of the ticks without a sample that followed the last
+    one, and their time [s]. ``scratch`` (K + 2, N) remembers the observer gains of the last time
+    step: it changes the speed of a step, and nothing else.
     """
 
     levels: Matrix
     profile: Vector
     offset: Vector
-    age: Vector
+    risen: Vector
+    waited: Vector
     scratch: Matrix
 
 
@@ -55,6 +58,7 @@ def blank_state(design: Design) -> State:
         [0.0] * (design.order + 1),
         [0.0],
         [0.0],
+        [0.0, 0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
     )
 
@@ -63,22 +67,29 @@ def start(
     design: Design, measurement: float, applied: float, reference: float, out: State
 ) -> None:
     """
-    Write into ``out`` the state at rest: y measured, no motion, and d_1 = -b0 u, which keeps it.
+    Write into ``out`` the state of a first start, at rest: the observers rise from here.
 
     The profile starts at the measurement with the tracking differentiator, at the reference
     without.
     """
+    origin = measurement if design.tracking_acceleration > 0.0 else reference
+    rest(design, measurement, applied, origin, out)
+    out.risen[0] = 0.0
+
+
+def rest(design: Design, measurement: float, applied: float, origin: float, out: State) -> None:
+    """Write estimates and profile at rest: y measured, y' = 0 and d_1 = -b0 u, which keeps it."""
     for k in range(design.levels):
         for i in range(design.states):
             out.levels[k][i] = 0.0
     for i in range(design.order + 1):
         out.profile[i] = 0.0
-    out.profile[0] = measurement if design.tracking_acceleration > 0.0 else reference
+    out.profile[0] = origin
     for k in range(design.levels):
-        out.levels[k][0] = measurement - out.profile[0] if design.error_based else measurement
+        out.levels[k][0] = measurement - origin if design.error_based else measurement
     out.levels[0][design.order] = -design.b0 * applied
     out.offset[0] = 0.0
-    out.age[0] = 0.0
+    out.waited[1] = 0.0
 
 
 def init(
@@ -104,7 +115,17 @@ def copy_state(state: State, out: State) -> None:
         copy_vector(state.levels[k], out.levels[k])
     copy_vector(state.profile, out.profile)
     out.offset[0] = state.offset[0]
-    out.age[0] = state.age[0]
+    out.risen[0] = state.risen[0]
+    copy_vector(state.waited, out.waited)
+
+
+def wait(state: State, applied: float, elapsed: float) -> None:
+    """Take into the mean of the commands since the last sample the one of a tick without one."""
+    mean, waited = state.waited[0], state.waited[1]
+    total = waited + elapsed
+    share = elapsed / total if waited > 0.0 and total < inf else 1.0
+    state.waited[0] = mean + (applied - mean) * share if share < 1.0 else applied
+    state.waited[1] = total
 
 
 def step(
@@ -128,7 +149,10 @@ def step(
     measurement
         y [output unit].
     applied
-        The command that really acted since the previous sample [command unit].
+        The command that really acted up to now [command unit]: since the previous sample, or since
+        the last tick without one. The observers then get the mean of the command over ``dt``,
+        which gives y^(n-1) exactly. For n = 1 that is all; above, what it leaves in y is below
+        b0 R dt^(n+1) / 12 with the rate limit R, and nothing where the command stood still.
     dt
         Time since the previous sample [s].
 
@@ -166,11 +190,18 @@ def step(
     if design.error_based:
         observed -= profile[0]
     speed = 1.0
-    age = state.age[0] + dt
-    out.age[0] = age
-    if age < design.startup_time:
-        speed = observer_speed(age, design.startup_time)
-    update(design, state.levels, observed, applied, dt, speed, out.levels, out.scratch)
+    risen = state.risen[0]
+    if risen < 1.0:
+        risen = rise(risen, dt, design.startup_time)
+        speed = risen * risen * risen
+    out.risen[0] = risen
+    acted, waited = applied, state.waited[1]
+    if waited > 0.0:
+        acted = state.waited[0]
+        if waited < dt:
+            acted += (applied - acted) * (1.0 - waited / dt)
+    out.waited[1] = 0.0
+    update(design, state.levels, observed, acted, dt, speed, out.levels, out.scratch)
     offset = state.offset[0]
     out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
     raw = raw_command(design, out)
@@ -184,15 +215,18 @@ def step(
     return limit(design, raw, applied, dt)
 
 
-def observer_speed(age: float, startup_time: float) -> float:
+def rise(risen: float, dt: float, startup_time: float) -> float:
     """
-    Return the share (t / T)^3 of the observer bandwidths that acts t < T after a start.
+    Return how far a start is by now: the share t / T of which the cube slows the observers.
 
     The device against peaking of section II-C of the paper: 1/eps = 100 t^3 in the first second
-    and 100 from then on.
+    and 100 from then on. It is for the first start of all, from a state that nobody knows: what
+    has risen never falls, whatever ``startup_time`` becomes, nor when the observers restart, as
+    slow observers would open a loop that relies on them.
     """
-    share = age / startup_time
-    return share * share * share
+    if not dt < startup_time:
+        return 1.0
+    return min(1.0, risen + dt / startup_time)
 
 
 def raw_command(design: Design, state: State) -> float:
@@ -253,12 +287,23 @@ def limit(design: Design, raw: float, applied: float, dt: float) -> tuple[float,
 
 def meet(design: Design, state: State, command: float) -> None:
     """
-    Set the offset so that the unlimited command of ``state`` becomes ``command``.
+    Set the offset so that ``state`` gives ``command`` inside the limits, if it does not anyway.
 
     The estimates stay what they are. A disturbance estimate made to fit instead would be wrong by
     as much, and its correction would drive the plant the wrong way first.
     """
-    state.offset[0] += command - raw_command(design, state)
+    raw = raw_command(design, state)
+    if clamp(design, raw) != command:
+        state.offset[0] += command - raw
+
+
+def rejoin(design: Design, reference: Vector, state: State, applied: float, dt: float) -> None:
+    """Let the profile be the reference as it is by now, without a bump."""
+    if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
+        command = limit(design, raw_command(design, state), applied, dt)[0]
+        copy_vector(reference, state.profile)
+        if limit(design, raw_command(design, state), applied, dt)[0] != command:
+            meet(design, state, command)
 
 
 def approach(design: Design, start_value: float, state: State) -> None:
@@ -276,18 +321,17 @@ def retune(
     new: Design,
     state: State,
     reference: Vector,
-    command: float,
     applied: float,
     dt: float,
 ) -> State:
     """
-    Return ``state``, reached with ``command`` under ``old``, as one of ``new`` that gives it too.
+    Return ``state`` of ``old`` as one of ``new`` that gives the same command.
 
     Output and derivative estimates are kept. d_1 takes over what the levels that go away
-    estimated, and is re-solved for the new b0, for which L = y^(n) - b0 u is another one. What
-    is left of the difference becomes the offset. While the old command was limited in a way the
-    new limits would not be, the limited one is met. ``reference``, ``applied`` and ``dt`` are
-    those of the step that led to ``state``. Plant order is fixed.
+    estimated, and is re-solved for the new b0, for which L = y^(n) - b0 u is another one. Where
+    the command, limited as it is, would still be another one, the difference becomes the offset.
+    ``reference``, ``applied`` and ``dt`` are those of the step that led to ``state``. Plant order
+    is fixed.
     """
     n = new.order
     after = blank_state(new)
@@ -313,11 +357,11 @@ def retune(
         after.levels[0][n] -= after.profile[n]
     after.levels[0][n] += (old.b0 - new.b0) * applied
     after.offset[0] = state.offset[0]
-    after.age[0] = state.age[0]
-    target = raw_command(old, state)
-    if limit(new, target, applied, dt)[0] != command:
-        target = command
-    meet(new, after, target)
+    after.risen[0] = state.risen[0]
+    copy_vector(state.waited, after.waited)
+    command = limit(old, raw_command(old, state), applied, dt)[0]
+    if limit(new, raw_command(new, after), applied, dt)[0] != command:
+        meet(new, after, command)
     return after
 
 
@@ -329,11 +373,14 @@ def _restart(
     applied: float,
     out: State,
 ) -> tuple[float, int]:
-    if design.tracking_acceleration <= 0.0 and not _usable(reference):
-        return _refuse(design, state, applied, out, BAD_REFERENCE)
-    start(design, measurement, applied, reference[0], out)
+    profile = state.profile  # of a reference that is approached: it goes on from where it is
     if design.tracking_acceleration <= 0.0:
-        copy_vector(reference, out.profile)
+        if not _usable(reference):
+            return _refuse(design, state, applied, out, BAD_REFERENCE)
+        profile = reference
+    rest(design, measurement, applied, profile[0], out)
+    copy_vector(profile, out.profile)
+    out.risen[0] = state.risen[0]
     meet(design, out, applied)
     return clamp(design, applied), RESTARTED
 

@@ -85,7 +85,7 @@ class ControllerSettings:
         0.0,
         3600.0,
         's',
-        'time after a start over which the observer bandwidths rise as t^3; 0 = off',
+        'time after the first start over which the observer bandwidths rise as t^3; 0 = off',
     )
     eso_delta: float = number(
         0.01,
@@ -162,6 +162,20 @@ class ControllerSettings:
         'output unit',
         'highest value that the sensor can give; a measurement above counts as none',
     )
+    reference_min: float = number(
+        SMALLEST,
+        SMALLEST,
+        LARGEST,
+        'reference unit',
+        'lowest reference that is taken; one below counts as none',
+    )
+    reference_max: float = number(
+        LARGEST,
+        SMALLEST,
+        LARGEST,
+        'reference unit',
+        'highest reference that is taken; one above counts as none',
+    )
     measurement_timeout: float = number(
         0.25,
         0.0,
@@ -178,10 +192,25 @@ class ControllerSettings:
     max_dt: float = number(
         0.5, 1e-6, 3600.0, 's', 'longest gap between samples; beyond it the observers restart'
     )
-    good_samples: int = integer(3, 1, 1000000, 'valid samples in a row that end a fault')
+    good_samples: int = integer(
+        3, 1, 1000000, 'valid samples in a row before the law acts, at the start and after a fault'
+    )
+    stall_time: float = number(
+        0.0,
+        0.0,
+        3600.0,
+        's',
+        'time at a limit of the command without coming nearer to the reference that is a stall; '
+        '0 = off',
+    )
+    stall_action: str = choice(
+        'warn',
+        ('warn', 'fault'),
+        'what a stall leads to: a warning, or the fault action until the loop is enabled anew',
+    )
 
     def __attrs_post_init__(self) -> None:
-        for signal in ('command', 'measurement'):
+        for signal in ('command', 'measurement', 'reference'):
             low, high = getattr(self, f'{signal}_min'), getattr(self, f'{signal}_max')
             if not low < high:
                 raise SettingError(f'{signal}_min', low, f'below {signal}_max = {high!r}')

@@ -14,12 +14,12 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.supervisor import Mode
 from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
-from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, Latencies, OK, WARN
+from nadrc_ros.nodes.diagnostics import Diagnostics, Latencies, WARN
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.mode_news import describe, ModeNews
+from nadrc_ros.nodes.mode_news import concerns, describe, LEVELS, ModeNews, SECONDS
 from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
@@ -31,13 +31,6 @@ from std_srvs.srv import SetBool, Trigger
 Reference = Sequence[float | None]
 # How often readers of the estimates are looked for [s].
 LOOK = 0.1
-LEVELS = {
-    Cause.NONE: OK,
-    Cause.START: WARN,
-    Cause.DISABLED: WARN,
-    Cause.REFERENCE_TIMEOUT: ERROR,
-    Cause.MEASUREMENT_TIMEOUT: ERROR,
-}
 
 
 @attrs.frozen(kw_only=True)
@@ -67,9 +60,9 @@ class ControllerNode(LiveNode):
     """
     N-ADRC on the graph: ``reference`` and ``measurement`` in, ``command`` out.
 
-    A tick without a new measurement holds the command and leaves the observers as they are; the
-    next sample's time step spans the gap. The command is sent before anything else is done with
-    it.
+    A tick without a new measurement holds the command, or lets it go on at the rate limit, and
+    leaves the observers as they are; the next sample's time step spans the gap. The command is
+    sent before anything else is done with it.
 
     """
 
@@ -88,7 +81,9 @@ class ControllerNode(LiveNode):
         settings = ParameterGroup(
             self, declared(ControllerSettings), self._settings, self._retune
         ).value
-        self.controller = Controller(settings, enabled=loop.enabled_at_start)
+        # In lockstep the plant waits at its initial state, as in the simulation.
+        checked = self.pacing.lockstep
+        self.controller = Controller(settings, enabled=loop.enabled_at_start, checked=checked)
         derivatives = reference_topics(settings)[1:]
         self._reference: list[float | None] = [None] * (1 + len(derivatives))
         self._sample: tuple[float, Info, int] | None = None
@@ -99,6 +94,7 @@ class ControllerNode(LiveNode):
         self._silent_at_stop = False
         self.latencies = Latencies()
         self._news = ModeNews(self.controller.mode, self.controller.cause)
+        self._told: dict[str, float] = {}
         self.lockstep: Lockstep | None = None
         self._sample_ticker: SampleTicker | None = None
         inputs = ['measurement', 'reference', *derivatives]
@@ -133,7 +129,7 @@ class ControllerNode(LiveNode):
         axes = {axis_namespace(name, self.arguments) for name in axes_asked(self.arguments)}
         refuse_unknown(self, axes - {self.get_namespace()})
         # Last, as a node that fails to start should leave no file behind.
-        self.trace = TraceWriter(Path(loop.trace), settings) if loop.trace else None
+        self.trace = TraceWriter(Path(loop.trace), settings, checked) if loop.trace else None
         self.diagnostics = Diagnostics(self, self._report)
 
     # ---- parameters and services ----
@@ -304,6 +300,12 @@ class ControllerNode(LiveNode):
             level, message = WARN, f'{message}; the last sample only restarted the observers'
         if controller.settings.reference_timeout > 0.0 and controller.watch.reference_age == inf:
             level, message = max(level, WARN), f'{message}; no reference yet'
+        for name, concern in concerns(controller).items():
+            level, message = max(level, WARN), f'{message}; {concern}'
+            now = time.monotonic()
+            if now - self._told.get(name, -inf) > SECONDS:
+                self._told[name] = now
+                self.get_logger().warning(concern)
         if values.get('measurement_publishers', 1) not in (0, 1):
             level, message = max(level, WARN), f'{message}; several publishers of measurement'
         return level, message, values

@@ -17,13 +17,13 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.nodes.runtime import LOCKED_UP
+from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.nodes.topics import reference_topics
 from nadrc_ros.records.recording import topic_of
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.parameter_files import controller_parameters, parameter_text, Parameters
-from nadrc_ros.simulation.signals import signal_fields
 
 NODES = ('plant', 'reference', 'recorder', 'controller')
 STOP_TIME = 3.0
@@ -42,20 +42,16 @@ def node_parameters(
         'initial_state': list(scenario.initial_state),
         'safe_command': settings.safe_command,
         'command_timeout': max(PlantSettings().command_timeout, PATIENCE / scenario.rate),
-        'disturbance': scenario.disturbance.name,
         'noise_variance': scenario.noise.variance,
         'noise_sample_time': scenario.noise.sample_time,
         'seed': scenario.noise.seed,
     }
     plant |= _typed(plant_fields(plant['plant'], plant['plant_class']), scenario.plant.values)
-    plant |= {f'disturbance_{key}': value for key, value in scenario.disturbance.values.items()}
+    plant |= DISTURBANCE.of(scenario.disturbance) | NOISE_SIGNAL.of(scenario.noise_signal)
     plant |= _fault_parameters(scenario)
     nodes: dict[str, Parameters] = {
         'plant': plant,
-        'reference': {
-            'signal': scenario.reference.name,
-            **_typed(signal_fields(), scenario.reference.values),
-        },
+        'reference': REFERENCE.of(scenario.reference),
         'controller': {
             **controller_parameters(settings, scenario.rate),
             'enabled_at_start': lockstep,

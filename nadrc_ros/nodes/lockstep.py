@@ -65,6 +65,13 @@ class Lockstep:
     start
         Called once, when every expected reader of this node's outputs is there.
 
+    Attributes
+    ----------
+    fired
+        How often it fired.
+    on_fired
+        Called after each firing, for who watches from within the process.
+
     """
 
     def __init__(
@@ -75,6 +82,7 @@ class Lockstep:
         start: Callable[[], None] = lambda: None,
     ) -> None:
         self.fired = 0
+        self.on_fired: Callable[[], None] = lambda: None
         self._until = pacing.steps
         self._node = node
         self._pacing = pacing
@@ -150,6 +158,7 @@ class Lockstep:
             self._fire(values)
             if self.complete:
                 self._node.finished = True
+            self.on_fired()
 
     @property
     def _may_fire(self) -> bool:

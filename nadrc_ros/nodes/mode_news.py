@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from math import inf
+from math import inf, isfinite
 
+from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
 
 # As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.
 COUNT, SECONDS = 30, 60.0
@@ -17,9 +19,19 @@ ACTIONS = {
 REASONS = {
     Cause.NONE: 'restarting',
     Cause.START: 'no valid measurement yet',
+    Cause.STALLED: 'no nearer to the reference at a limit of the command, until enabled anew',
     Cause.DISABLED: 'disabled',
     Cause.MEASUREMENT_TIMEOUT: 'no valid measurement',
     Cause.REFERENCE_TIMEOUT: 'no valid reference',
+}
+
+LEVELS = {
+    Cause.NONE: OK,
+    Cause.START: WARN,
+    Cause.DISABLED: WARN,
+    Cause.REFERENCE_TIMEOUT: ERROR,
+    Cause.STALLED: ERROR,
+    Cause.MEASUREMENT_TIMEOUT: ERROR,
 }
 
 
@@ -58,6 +70,22 @@ class ModeNews:
         self._told, passed_over, self._unlogged = self.now, self._unlogged - 1, 0
         more = f' (after {passed_over} changes that were not logged)' if passed_over else ''
         return describe(mode, cause) + more
+
+
+def concerns(controller: Controller) -> dict[str, str]:
+    """Return by a fixed name what an operator should look at although the law may act."""
+    found, settings = {}, controller.settings
+    if controller.stalled and controller.mode == Mode.OK:
+        found['stall'] = (
+            f'at a limit of the command for {controller.limited_for:.3g} s, and the output comes '
+            'no nearer to the reference'
+        )
+    if isfinite(controller.refused_reference):
+        found['reference'] = (
+            f'the reference {controller.refused_reference:g} is not taken: it is outside '
+            f'{settings.reference_min:g} .. {settings.reference_max:g}'
+        )
+    return found
 
 
 def describe(mode: Mode, cause: Cause) -> str:

@@ -17,6 +17,7 @@ from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import Beat, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL
 from nadrc_ros.nodes.topics import Info, receive, Sender
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.specs import PlantSpec
@@ -31,9 +32,8 @@ from nadrc_ros.simulation.faults import (
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 from nadrc_ros.simulation.process import Process
-from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
+from nadrc_ros.simulation.signals import Signal
 
-DISTURBANCE = 'disturbance_'
 NOISE = 'noise_'
 MEASUREMENT_FAULT = 'fault.measurement.'
 COMMAND_FAULT = 'fault.command.'
@@ -108,8 +108,11 @@ class PlantNode(LiveNode):
         )
         plant = self._plants.value
         self._disturbances = ParameterGroup(
-            self, disturbance_fields(), _make_disturbance, self._change
+            self, DISTURBANCE.asked(self), DISTURBANCE.make, self._change
         )
+        added = ParameterGroup(
+            self, NOISE_SIGNAL.asked(self), NOISE_SIGNAL.make, self._change_noise
+        ).value
         noise = ParameterGroup(
             self,
             noise_fields(),
@@ -128,7 +131,7 @@ class PlantNode(LiveNode):
         if len(state) == 1:
             state = state * plant.states
         self.process = Process(
-            plant, self._disturbances.value, noise, self.pacing.rate, state, faults
+            plant, self._disturbances.value, noise, self.pacing.rate, state, faults, added
         )
         self._started = settings.start == 'at_once'
         self._command = settings.safe_command
@@ -191,6 +194,9 @@ class PlantNode(LiveNode):
 
     def _change(self, _: object) -> None:
         self.process.change(self._plants.value, self._disturbances.value)
+
+    def _change_noise(self, signal: Signal) -> None:
+        self.process.noise_signal = signal
 
     def _on_command(self, value: float, _: Info) -> None:
         if not isfinite(value):
@@ -294,19 +300,6 @@ def noise_fields() -> dict[str, Declared]:
     }
 
 
-def disturbance_fields() -> dict[str, Declared]:
-    """Return the parameters of the disturbance: its name, and the fields of all signals."""
-    fields = {
-        'disturbance': Declared(
-            kind='choice',
-            default='none',
-            choices=tuple(SIGNALS),
-            description='disturbance w added to y^(n)',
-        )
-    }
-    return fields | {DISTURBANCE + name: field for name, field in signal_fields().items()}
-
-
 def fault_fields() -> dict[str, Declared]:
     """Return the parameters of the faults."""
     fields = {
@@ -315,14 +308,6 @@ def fault_fields() -> dict[str, Declared]:
     kind = MEASUREMENT_FAULT + 'kind'
     fields[kind] = attrs.evolve(fields[kind], choices=INJECTABLE)
     return fields | {COMMAND_FAULT + name: field for name, field in declared(CommandFault).items()}
-
-
-def _make_disturbance(values: dict[str, Any]) -> Signal:
-    name = values.pop('disturbance')
-    try:
-        return make_signal(name, _without(DISTURBANCE, values))
-    except SettingError as error:
-        raise SettingError(DISTURBANCE + error.name, error.value, error.allowed) from None
 
 
 def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:

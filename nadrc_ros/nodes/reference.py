@@ -14,9 +14,10 @@ from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.pacing import Beat, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.runtime import LiveNode, run
+from nadrc_ros.nodes.signals import REFERENCE
 from nadrc_ros.nodes.topics import receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.simulation.loop import sample_reference
-from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
+from nadrc_ros.simulation.signals import Signal
 
 DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
 EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'
@@ -24,9 +25,8 @@ EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p freque
 
 @attrs.frozen(kw_only=True)
 class ReferenceSettings:
-    """Which signal is sent, and from when on."""
+    """From when on the signal is sent."""
 
-    signal: str = choice('cosine', tuple(SIGNALS), 'shape of the reference')
     start: str = choice(
         'on_command',
         ('on_command', 'at_once'),
@@ -43,7 +43,7 @@ class ReferenceNode(LiveNode):
     def set_up(self) -> None:
         """Declare the parameters and join the graph."""
         self._signal = ParameterGroup(
-            self, declared(ReferenceSettings) | signal_fields(), _make_signal
+            self, REFERENCE.asked(self) | declared(ReferenceSettings), _make_signal
         )
         self._started = self.get_parameter('start').value == 'at_once'
         self.k = 0
@@ -92,9 +92,8 @@ class ReferenceNode(LiveNode):
 
 
 def _make_signal(values: dict[str, Any]) -> Signal:
-    name = values.pop('signal')
     values.pop('start')
-    return make_signal(name, values)
+    return REFERENCE.make(values)
 
 
 def main() -> int:

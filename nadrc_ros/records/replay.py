@@ -17,17 +17,18 @@ class TraceWriter:
     """
     Writes JSON lines: ``{"settings": ...}`` first and at every change, then one record per tick.
 
-    A record has the arguments of :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``,
-    ``r``, the ``applied`` command), ``enabled``, and what came out: ``u`` and ``status``. Numbers
-    are written so that they read back to the bit; nan and infinities as JavaScript writes them.
+    The first says also whether the sensor counted as ``checked``. A record has the arguments of
+    :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command),
+    ``enabled``, and what came out: ``u`` and ``status``. Numbers are written so that they read
+    back to the bit; nan and infinities as JavaScript writes them.
 
     When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
 
-    def __init__(self, path: Path, settings: ControllerSettings) -> None:
+    def __init__(self, path: Path, settings: ControllerSettings, checked: bool = False) -> None:
         self.failure = ''
         self._file = path.open('x', encoding='utf-8')
-        self.settings(settings)
+        self._write({'settings': attrs.asdict(settings), 'checked': checked})
 
     def settings(self, settings: ControllerSettings) -> None:
         """Record that these settings are staged before the next tick."""
@@ -104,7 +105,7 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
             if 'settings' in record:
                 settings = ControllerSettings(**record['settings'])
                 if controller is None:
-                    controller = Controller(settings)
+                    controller = Controller(settings, checked=record.get('checked', False))
                 else:
                     controller.enabled = False  # or another sign of b0 would be refused
                     controller.retune(settings)

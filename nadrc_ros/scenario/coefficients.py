@@ -1,4 +1,4 @@
-"""The coefficients of a plant as declared settings, registered or from a user's file."""
+"""The coefficients of plants and of classes of the user's as declared settings."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ def plant_fields(plant: str | type[Any], class_name: str = '') -> dict[str, Decl
     """
     Return what is known of each coefficient of a plant, by name.
 
-    ``plant`` is a registered plant, a Python file, or a class. The arguments of a plain class are
-    described by their defaults, which they must have.
+    ``plant`` is a registered plant, a Python file, or a class.
 
     Raises
     ------
@@ -29,7 +28,21 @@ def plant_fields(plant: str | type[Any], class_name: str = '') -> dict[str, Decl
         For an unknown plant.
 
     """
-    cls = plant if isinstance(plant, type) else plant_class(plant, class_name)
+    return class_fields(plant if isinstance(plant, type) else plant_class(plant, class_name))
+
+
+def class_fields(cls: type[Any]) -> dict[str, Declared]:
+    """
+    Return what is known of each argument of a class, by name.
+
+    The arguments of a plain class are described by their defaults, which they must have.
+
+    Raises
+    ------
+    ScenarioError
+        When an argument has no default that a parameter can hold.
+
+    """
     if attrs.has(cls) and declared(cls):
         return declared(cls)
     return {

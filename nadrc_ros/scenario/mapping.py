@@ -18,6 +18,7 @@ from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant, PLANTS
+from nadrc_ros.simulation.signals import SIGNALS
 
 KEYS = (
     'plant',
@@ -38,6 +39,9 @@ NEEDED = {'plant': 'plant: paper', 'reference': 'reference: cosine', 'controller
 # Keys whose values are those of the scenario as they are.
 SAME = ('rate', 'duration', 'error', 'settle_time')
 FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
+NOISE = ('variance', 'sample_time')
+# What a signal is taken from.
+SOURCES = ('signal', 'file', 'csv')
 LIMITS = ('command_min', 'command_max', 'command_rate_limit')
 
 
@@ -65,9 +69,10 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
     return Scenario(
         plant=spec,
         initial_state=initial_state,
-        reference=_signal(given['reference'], 'reference'),
-        disturbance=_signal(given.get('disturbance', 'none'), 'disturbance'),
+        reference=_signal(given['reference'], 'reference', base_dir),
+        disturbance=_signal(given.get('disturbance', 'none'), 'disturbance', base_dir),
         noise=_noise(given.get('noise', {}), given.get('seed', 0)),
+        noise_signal=_noise_signal(given.get('noise', {}), base_dir),
         faults=_faults(given.get('faults', {})),
         controllers=_controllers(given['controllers'], limits, spec.make()),
         retunes=_retunes(given.get('retune', [])),
@@ -79,16 +84,19 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
     """Return plain data from which :func:`from_mapping` makes an equal scenario."""
     spec = scenario.plant
     where = {'file': spec.file, 'class': spec.class_name} if spec.file else {'name': spec.name}
-    noise = scenario.noise
+    noise, added = scenario.noise, scenario.noise_signal
     data = {
         'plant': {
             **{key: value for key, value in where.items() if value},
             **spec.values,
             'initial_state': scenario.initial_state,
         },
-        'reference': {'signal': scenario.reference.name, **scenario.reference.values},
-        'disturbance': {'signal': scenario.disturbance.name, **scenario.disturbance.values},
-        'noise': {'variance': noise.variance, 'sample_time': noise.sample_time},
+        'reference': _signal_data(scenario.reference),
+        'disturbance': _signal_data(scenario.disturbance),
+        'noise': {
+            **{key: getattr(noise, key) for key in NOISE},
+            **({} if added == SignalSpec() else _signal_data(added)),
+        },
         'faults': {
             where: [_not_default(fault) for fault in getattr(scenario.faults, where)]
             for where in FAULTS
@@ -116,8 +124,7 @@ def _plant(data: Any, base_dir: str | Path) -> tuple[PlantSpec, Any]:
         )
     if class_name and not file:
         raise SettingError('plant.class', class_name, 'left out: it belongs to a plant file')
-    if file:
-        file = os.path.abspath(Path(base_dir) / Path(file).expanduser())
+    file = _absolute(file, base_dir)
     try:
         spec = PlantSpec(name=name, file=file, class_name=class_name, values=values)
     except SettingError as error:
@@ -125,22 +132,55 @@ def _plant(data: Any, base_dir: str | Path) -> tuple[PlantSpec, Any]:
     return spec, initial_state
 
 
-def _signal(data: Any, path: str) -> SignalSpec:
+def _signal(data: Any, path: str, base_dir: str | Path) -> SignalSpec:
     values = _long_form(data, 'signal', path)
-    name = values.pop('signal', None)
-    if not isinstance(name, str):
-        raise SettingError(f'{path}.signal', name, 'the name of a signal')
+    given = {key: values.pop(key, '') for key in (*SOURCES, 'class')}
+    for key, value in given.items():
+        if not isinstance(value, str):
+            what = 'the name of a signal' if key == 'signal' else 'a string'
+            raise SettingError(f'{path}.{key}', value, what)
+    if sum(bool(given[key]) for key in SOURCES) != 1:
+        raise ScenarioError(
+            f'{path} needs either a signal, one of {", ".join(SIGNALS)}, a file of Python or a csv'
+        )
+    if given['class'] and not given['file']:
+        raise SettingError(f'{path}.class', given['class'], 'left out: it belongs to a file')
     try:
-        return SignalSpec(name=name, values=values)
+        return SignalSpec(
+            name=given['signal'],
+            file=_absolute(given['file'], base_dir),
+            class_name=given['class'],
+            csv=_absolute(given['csv'], base_dir),
+            values=values,
+        )
     except SettingError as error:
         raise error.inside(path) from None
+    except ScenarioError as error:
+        raise ScenarioError(f'{path}: {error}') from None
+
+
+def _signal_data(spec: SignalSpec) -> dict[str, Any]:
+    where = {'signal': spec.name, 'file': spec.file, 'class': spec.class_name, 'csv': spec.csv}
+    return {**{key: value for key, value in where.items() if value}, **spec.values}
+
+
+def _absolute(file: str, base_dir: str | Path) -> str:
+    return os.path.abspath(Path(base_dir) / Path(file).expanduser()) if file else ''
 
 
 def _noise(data: Any, seed: Any) -> Noise:
-    values = _mapping(data, 'noise')
-    refuse_unknown_keys(values, ('variance', 'sample_time'), 'noise')
+    values = {key: value for key, value in _mapping(data, 'noise').items() if key in NOISE}
     build(Noise, {'seed': seed})  # a bad seed is named without the path of the noise
     return build(Noise, values | {'seed': seed}, 'noise')
+
+
+def _noise_signal(data: Any, base_dir: str | Path) -> SignalSpec:
+    """Return what is added to a measurement beside the random noise: any signal."""
+    values = {key: value for key, value in _mapping(data, 'noise').items() if key not in NOISE}
+    if not values.keys() & set(SOURCES):
+        refuse_unknown_keys(values, (*NOISE, *SOURCES), 'noise')
+        return SignalSpec()
+    return _signal(values, 'noise', base_dir)
 
 
 def _faults(data: Any) -> Faults:

@@ -12,7 +12,7 @@ from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
-from nadrc_ros.scenario.user_plant import blame
+from nadrc_ros.scenario.user_code import blame
 from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.noise import Noise
@@ -43,6 +43,8 @@ class Scenario:
         What to control, what to follow, what disturbs [unit of y^(n)].
     noise
         Measurement noise, with the seed of all that is random.
+    noise_signal
+        What is added to each measurement beside it.
     faults
         What goes wrong with the sensor and the actuator.
     initial_state
@@ -68,6 +70,7 @@ class Scenario:
     controllers: dict[str, ControllerSettings]
     disturbance: SignalSpec = attrs.field(factory=SignalSpec)
     noise: Noise = attrs.field(factory=Noise)
+    noise_signal: SignalSpec = attrs.field(factory=SignalSpec)
     faults: Faults = attrs.field(factory=Faults)
     initial_state: tuple[float, ...] = ()
     retunes: tuple[Retune, ...] = ()
@@ -84,6 +87,20 @@ class Scenario:
         retunes = _checked_retunes(self.retunes, self.controllers, last)
         object.__setattr__(self, 'retunes', retunes)
 
+    @property
+    def code(self) -> tuple[str, ...]:
+        """Return the Python files of the user's that it runs."""
+        return tuple(filter(None, (self.plant.file, *(signal.file for signal in self._signals))))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Return all files of the user's that it reads."""
+        return (*self.code, *filter(None, (signal.csv for signal in self._signals)))
+
+    @property
+    def _signals(self) -> tuple[SignalSpec, ...]:
+        return self.reference, self.disturbance, self.noise_signal
+
     def experiment(self) -> Experiment:
         """Return what is done to each controller, with a plant of its own."""
         return self._experiment(self.plant.make())
@@ -95,10 +112,10 @@ class Scenario:
         Raises
         ------
         ScenarioError
-            When the code of a user's plant fails on the way.
+            When the code of a user's plant or signal fails on the way.
 
         """
-        with blame(self.plant.file):
+        with blame(*self.code):
             return simulate(self.experiment(), self.controllers[name])
 
     def changed(
@@ -134,6 +151,7 @@ class Scenario:
             reference=self.reference.make(),
             disturbance=self.disturbance.make(),
             noise=self.noise,
+            noise_signal=self.noise_signal.make(),
             faults=self.faults,
             initial_state=self.initial_state,
             retunes=self.retunes,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.scenario.user_plant import load_plant
+from nadrc_ros.scenario.user_signal import load_column, load_signal
 from nadrc_ros.simulation.plants import Plant, PLANTS
 from nadrc_ros.simulation.signals import Signal, signal_type
 
@@ -48,23 +50,44 @@ class PlantSpec:
 @attrs.frozen(kw_only=True)
 class SignalSpec:
     """
-    A signal by ``name``, with those of its fields that were given as ``values``.
+    A registered signal by ``name``, a class in the Python ``file``, or a column of a ``csv`` file.
+
+    ``values`` holds the fields that were given, by name: of the signal, or of
+    :class:`~nadrc_ros.scenario.user_signal.CsvColumn`. The files are absolute paths, and
+    ``class_name`` may be empty if the file defines one signal only.
 
     Raises
     ------
-    SettingError
-        For an unknown name, or a value that the signal does not have or refuses.
+    SettingError, ScenarioError
+        For an unknown name, a value that the signal does not have or refuses, or a file that
+        fails.
 
     """
 
-    name: str = 'none'
-    values: dict[str, float] = attrs.field(factory=dict)
+    name: str = ''
+    file: str = ''
+    class_name: str = ''
+    csv: str = ''
+    values: dict[str, Any] = attrs.field(factory=dict)
 
     def __attrs_post_init__(self) -> None:
-        _normalize(self, self.make())
+        if not (self.name or self.file or self.csv):
+            object.__setattr__(self, 'name', 'none')
+        made = self.make()
+        if self.name:
+            _normalize(self, made)
+
+    @property
+    def title(self) -> str:
+        """Return what it is, in a word."""
+        return self.name or Path(self.file or self.csv).name
 
     def make(self) -> Signal:
-        """Return the signal."""
+        """Return a new signal."""
+        if self.file:
+            return load_signal(self.file, self.class_name, self.values)
+        if self.csv:
+            return load_column(self.csv, self.values)
         return build(signal_type(self.name), self.values)
 
 

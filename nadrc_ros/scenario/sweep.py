@@ -17,7 +17,7 @@ from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.files import find_scenario, read_text
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.scenario.scenario import Scenario
-from nadrc_ros.scenario.user_plant import blame
+from nadrc_ros.scenario.user_code import blame
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.many import run_metrics, RunMetrics
 from nadrc_ros.yaml_text import read_yaml, write_yaml
@@ -32,7 +32,7 @@ LARGEST_SEED = 2**63 - 1
 
 @attrs.frozen(kw_only=True)
 class Extent:
-    """How much a sweep is: its runs, the periods of all of them, the plant files they read."""
+    """How much a sweep is: its runs, the periods of all of them, the files they read."""
 
     runs: int
     periods: int
@@ -81,13 +81,13 @@ class Sweep:
 
         """
         each = len(self.controllers) * len(self.seeds)
-        runs, steps, files = 0, 0, set()
+        runs, steps, files = 0, 0, set[str]()
         for point in range(self.points):
             scenario = self.at(point)
             runs += each
             steps += each * scenario.experiment().steps
-            files.add(scenario.plant.file)
-        return Extent(runs=runs, periods=steps, files=tuple(sorted(files - {''})))
+            files.update(scenario.files)
+        return Extent(runs=runs, periods=steps, files=tuple(sorted(files)))
 
     @property
     def points(self) -> int:
@@ -123,7 +123,7 @@ class Sweep:
         return point, self.controllers[controller], self.seeds[seed]
 
     def describe(self, files: tuple[str, ...]) -> str:
-        """Return the sweep as YAML, with the digests of the plant files: equal for equal runs."""
+        """Return the sweep as YAML, with the digests of the user's files: equal for equal runs."""
         vary = {path: list(values) for path, values in self.vary.items()}
         seeds = len(self.seeds) if isinstance(self.seeds, range) else list(self.seeds)
         text = write_yaml({'scenario': self.scenario, 'vary': vary, 'seeds': seeds})
@@ -157,7 +157,7 @@ def run_range(
             last, scenario = point, sweep.at(point)
             experiment = scenario.experiment()
         try:
-            with blame(scenario.plant.file):
+            with blame(*scenario.code):
                 found.append(
                     run_metrics(experiment, scenario.controllers[controller], seed, compiled, say)
                 )

@@ -25,7 +25,7 @@ from typing import Any
 from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
 from nadrc_ros.adrc.controller import tick
 from nadrc_ros.adrc.law import disturbance_estimate, output_estimate
-from nadrc_ros.adrc.settings import LARGEST, SMALLEST
+from nadrc_ros.adrc.settings import LARGEST, REFERENCE_DERIVATIVES, SMALLEST
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import LEVELS
 from nadrc_ros.simulation.metrics import accumulate
@@ -39,11 +39,13 @@ import numpy as np
 
 LAW = (observer, feedback, differentiator, law, supervisor, controller)
 SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
-# All others are inlined, which makes the loop six times as fast; these would double the time to
-# compile for nothing.
 # So many combinations of classes are kept ready; a further one is read from disk again.
 KEPT = 64
-SELDOM = (law._refuse, law._restart, law.start, law.approach, observer.place)
+# Of a reference: itself and the derivatives that have a topic.
+ENTRIES = 1 + REFERENCE_DERIVATIVES
+# All others are inlined, which makes the loop six times as fast; these would double the time to
+# compile for nothing.
+SELDOM = (law._refuse, law._restart, law.start, law.rest, law.approach, observer.place)
 
 
 @intrinsic
@@ -117,8 +119,10 @@ def compiled_loop(
         status = 0
         while k < stop:
             t = k / rate
+            for i in range(len(r)):
+                r[i] = 0.0
             references(reference_signal, t, r)
-            usable = True
+            usable = design.reference_min <= r[0] <= design.reference_max
             for i in range(len(r)):
                 usable = usable and SMALLEST < r[i] < LARGEST
             if not usable:
@@ -171,14 +175,41 @@ def compiled_loop(
     return fast
 
 
-def check_methods(methods: tuple[Any, ...], fields: tuple[Any, ...], states: int) -> None:
-    """Raise if one of the methods does not compile: it takes no second, the whole loop many."""
-    derivative, output, *signals = map(_alone, methods)
-    x = np.array(probe_state(states, 1))
-    derivative(fields[0], 0.0, x, 0.0, 0.0, np.zeros(states))
-    output(fields[0], x)
-    for method, signal in zip(signals, fields[1:]):
-        method(signal, 0.0, np.zeros(1))
+def same_alone(
+    methods: tuple[Any, ...],
+    fields: tuple[Any, ...],
+    things: tuple[Any, ...],
+    times: Iterable[float],
+) -> bool:
+    """
+    Tell whether plant and signals, ``things``, give the bits of plain Python at all ``times``.
+
+    Raises if a method does not compile: to see that takes no second, the whole loop many.
+    """
+    derivative, output, *sampled = map(_alone, methods)
+    plant, *signals = things
+    same = True
+    for i, t in enumerate(times):
+        x = [(1.0 + 0.01 * i) * part for part in probe_state(plant.states, 1 + i % 3)]
+        same = same and output(fields[0], np.array(x)) == x[0]
+        calls: list[tuple[Any, ...]] = [
+            (plant.states, derivative, type(plant).derivative, plant, (x, 0.1 * i, 1.0))
+        ]
+        for method, signal in zip(sampled, signals):
+            calls.append((ENTRIES, method, type(signal).derivatives, signal, ()))
+        for own, (size, fast, plain, thing, more) in zip(fields, calls):
+            out, expected = np.zeros(size), [0.0] * size
+            try:
+                plain(thing, t, *more, expected)
+            except Exception:  # it will be said by the run that comes there
+                continue
+            fast(own, t, *map(_as_array, more), out)
+            same = same and np.array_equal(expected, out, equal_nan=True)
+    return same
+
+
+def _as_array(value: Any) -> Any:
+    return np.array(value) if isinstance(value, list) else value
 
 
 @lru_cache(KEPT)

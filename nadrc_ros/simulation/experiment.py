@@ -16,6 +16,7 @@ from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 from nadrc_ros.simulation.process import Process
 from nadrc_ros.simulation.signals import Signal
+from nadrc_ros.simulation.signals.elementary import Nothing
 import numpy as np
 import numpy.typing as npt
 
@@ -51,6 +52,7 @@ class Experiment:
     initial_state: tuple[float, ...]
     retunes: tuple[Retune, ...] = ()
     faults: Faults = attrs.field(factory=Faults)
+    noise_signal: Signal = attrs.field(factory=Nothing)
     rate: float = number(200.0, 1.0, 1e5, 'Hz', 'periods per second')
     duration: float = number(15.0, 1e-3, 1e6, 's', 'length of the run')
     error: str = choice(
@@ -97,7 +99,13 @@ class Experiment:
     def process(self) -> Process:
         """Return the plant at its initial state."""
         return Process(
-            self.plant, self.disturbance, self.noise, self.rate, self.initial_state, self.faults
+            self.plant,
+            self.disturbance,
+            self.noise,
+            self.rate,
+            self.initial_state,
+            self.faults,
+            self.noise_signal,
         )
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import namedtuple
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cache, lru_cache
+from hashlib import sha256
+import pickle
 from typing import Any, TYPE_CHECKING
 
 import attrs
@@ -14,7 +17,7 @@ from nadrc_ros.adrc.law import blank_state, State
 from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Watch
-from nadrc_ros.simulation.compiled import announced, check_methods, compiled_loop
+from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.integrate import make_work
 from nadrc_ros.simulation.loop import Array, Loop, WIDTH
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
 PROBES = 4
 PROBE_PERIODS = 5
+PROBE_TIMES = 200
 SHORTEST_RUN = 1e-3
 # Sets of numbers of a user's classes that are remembered as tried: a sweep may have any number.
 KEPT = 256
@@ -101,16 +105,18 @@ def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None)
     """
     Return the compiled loop of ``experiment``, None if its plant or a signal does not compile.
 
-    A loop is believed only after a few periods of it, done here, gave the bits of plain Python;
-    for classes from outside this package these are done with all their numbers and from several
-    states. ``say`` is called with one line before numba compiles, which takes some seconds.
+    A loop is believed only after a few periods of it, done here, gave the bits of plain Python.
+    For classes from outside this package these are done with all their numbers and from several
+    states, and each method is compared alone at times of the whole run. ``say`` is called with one
+    line before numba compiles, which takes some seconds.
     """
     try:
         kernel = Kernel(experiment)
     except Exception:  # numba has many ways to say that it cannot
         return None
     foreign = not all(m.__module__.startswith('nadrc_ros.') for m in kernel.methods)
-    numbers = repr(kernel.fields) if foreign else ''  # which tells 1 from 1.0, as numba does
+    # As bytes, which tell 1 from 1.0, as numba does, and are few for a long table too.
+    numbers = sha256(pickle.dumps(kernel.fields)).digest() if foreign else b''
     verdict = _verdict(kernel.methods, numbers)
     if not verdict:
         verdict.append(_believed(kernel, experiment, foreign, say))
@@ -118,7 +124,7 @@ def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None)
 
 
 @lru_cache(KEPT)
-def _verdict(methods: tuple[Any, ...], numbers: str) -> list[bool]:
+def _verdict(methods: tuple[Any, ...], numbers: bytes) -> list[bool]:
     """Return the list that takes the one verdict on these methods with these numbers."""
     return []
 
@@ -127,8 +133,10 @@ def _believed(
     kernel: Kernel, experiment: Experiment, foreign: bool, say: Callable[[str], None] | None
 ) -> bool:
     try:
-        if foreign:
-            check_methods(kernel.methods, kernel.fields, experiment.plant.states)
+        things = experiment.plant, experiment.reference, experiment.disturbance
+        times = [experiment.duration * i / PROBE_TIMES for i in range(PROBE_TIMES)]
+        if foreign and not same_alone(kernel.methods, kernel.fields, things, times):
+            return False
         with announced(kernel.compiled, say) if say is not None else nullcontext():
             return _agrees(kernel, experiment, PROBES if foreign else 1)
     except Exception:
@@ -190,7 +198,9 @@ def _fields(name: str) -> Any:
 
 
 def _constant(value: Any) -> Any:
-    """Return a number as one of Python's, a list of numbers as a tuple, None for the rest."""
+    """Return a number as one of Python's, a list as a tuple, a table as an array; None else."""
+    if isinstance(value, array):
+        return np.array(value, dtype=np.float64)
     if isinstance(value, (bool, int)):
         return value
     if isinstance(value, (float, np.floating)):

@@ -66,7 +66,7 @@ class Loop:
     def __init__(self, experiment: Experiment, settings: ControllerSettings) -> None:
         self.experiment = experiment
         self.process = experiment.process()
-        self.controller = Controller(settings)
+        self.controller = Controller(settings, checked=True)
         self.acc = sums(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
         self.levels = self.controller.design.levels
@@ -90,7 +90,7 @@ class Loop:
         while process.k < steps:
             drawn = self.noise_start + len(self.noise)
             if process.k == drawn:
-                self.noise = process.noise.block(drawn, min(BLOCK, steps - drawn))
+                self.noise = process.noise_block(drawn, min(BLOCK, steps - drawn))
                 self.noise_start = drawn
                 drawn += len(self.noise)
             if kernel is not None and self._regular():

@@ -7,6 +7,11 @@ from nadrc_ros.simulation.integrate import Integrator, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.plants import Plant, total_disturbance
 from nadrc_ros.simulation.signals import Signal
+from nadrc_ros.simulation.signals.elementary import Nothing
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
 
 
 class Process:
@@ -23,6 +28,8 @@ class Process:
         x(0), shape (states,).
     faults
         What goes wrong with its sensor and its actuator.
+    noise_signal
+        What is added to its measurements beside the noise.
 
     """
 
@@ -34,12 +41,14 @@ class Process:
         rate: float,
         initial_state: tuple[float, ...],
         faults: Faults,
+        noise_signal: Signal,
     ) -> None:
         self.rate = rate
         self.k = 0
         self.faults = Injector(faults, rate, noise.seed)
         self.state = list(initial_state)
         self.noise = NoiseSource(noise, 1.0 / rate)
+        self.noise_signal = noise_signal
         self._next = list(initial_state)
         self._derivative = list(initial_state)
         self._w = [0.0]
@@ -64,7 +73,28 @@ class Process:
     @property
     def measurement(self) -> float:
         """Return the output with the noise of period k."""
-        return self.output + self.noise.at(self.k)
+        return self.output + self.noise_at(self.k)
+
+    def noise_at(self, k: int) -> float:
+        """Return all that is added to the output in period ``k``, never less than the last one."""
+        noise = self.noise.at(k)
+        return noise if self._random_alone else noise + self._added(k)
+
+    def noise_block(self, k: int, count: int) -> Array:
+        """Return what :meth:`noise_at` gives for ``count`` periods from ``k`` on."""
+        noise = self.noise.block(k, count)
+        if self._random_alone:
+            return noise
+        added: Array = np.array([self._added(i) for i in range(k, k + count)])
+        return noise + added
+
+    @property
+    def _random_alone(self) -> bool:
+        return isinstance(self.noise_signal, Nothing)
+
+    def _added(self, k: int) -> float:
+        self.noise_signal.derivatives(k / self.rate, self._w)
+        return self._w[0]
 
     def total_disturbance(self, command: float, acting: float) -> float:
         """

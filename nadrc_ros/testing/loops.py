@@ -96,8 +96,10 @@ def loop(
     if isinstance(named, type):
         cls = _node_of(named)
         del values['plant']
-    elif isinstance(named, Path):
+    elif isinstance(named, (str, Path)):
         values['plant'] = str(named)
+    elif 'plant' in values:
+        raise SettingError('plant', named, 'a class, the name of a registered plant, or a file')
     with _Maker(executor, namespace, directory) as make:
         # Who reads what a plant sends does not depend on the controller.
         paced = pacing('plant', ControllerSettings(), rate, steps)

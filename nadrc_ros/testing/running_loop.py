@@ -24,6 +24,7 @@ from nadrc_ros.simulation.periods import first_period
 import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.task import Future
 
 # How often conditions are looked at [s].
 LOOK = 0.005
@@ -31,12 +32,17 @@ LOOK = 0.005
 PATIENCE = 30.0
 
 
-def spin_until(executor: Executor, condition: Callable[[], Any], timeout: float = PATIENCE) -> Any:
+def spin_until(
+    executor: Executor,
+    condition: Callable[[], Any],
+    timeout: float = PATIENCE,
+    done: Future | None = None,
+) -> Any:
     """
     Run callbacks until ``condition()`` holds, and return it.
 
-    It is looked at every few milliseconds; the spin itself always has a timeout, as an untimed one
-    of the EventsExecutor of rclpy 7.1.6 never ends.
+    It is looked at every few milliseconds, and when ``done`` completes. The spin itself always has
+    a timeout, as an untimed one of the EventsExecutor of rclpy 7.1.6 never ends.
 
     Raises
     ------
@@ -48,7 +54,7 @@ def spin_until(executor: Executor, condition: Callable[[], Any], timeout: float 
     while not (held := condition()):
         if time.monotonic() > end:
             raise TimeoutError(f'not within {timeout:g} s')
-        spin_for(executor, LOOK)
+        spin_for(executor, LOOK, done)
     return held
 
 
@@ -109,9 +115,14 @@ class RunningLoop:
         self.executor.add_node(node)
         return node
 
-    def wait_until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> Any:
+    def wait_until(
+        self,
+        condition: Callable[[], Any],
+        timeout: float = PATIENCE,
+        done: Future | None = None,
+    ) -> Any:
         """
-        Run callbacks until ``condition()`` holds, and return it.
+        Run callbacks until ``condition()`` holds, and return it, like :func:`spin_until`.
 
         Raises
         ------
@@ -130,7 +141,7 @@ class RunningLoop:
                 lockstep.go_on()
             return condition()
 
-        return spin_until(self.executor, look, timeout)
+        return spin_until(self.executor, look, timeout, done)
 
     def run_until(self, time: float) -> None:
         """
@@ -238,9 +249,16 @@ class RunningLoop:
         firings = {name: k if name != 'reference' or k == end else k - 1 for name in self._locked}
         for name in ('controller', 'reference'):
             self._locked[name].go_on(until=firings[name])
-        self.wait_until(
-            lambda: all(self._locked[name].fired >= n for name, n in firings.items()), timeout
-        )
+        there = Future()
+
+        def look() -> None:
+            if all(self._locked[name].fired >= n for name, n in firings.items()):
+                there.set_result(None)
+
+        for each in self._locked.values():
+            each.on_fired = look
+        look()
+        self.wait_until(there.done, timeout, there)
 
     def _missing(self) -> str:
         """Return what a loop in real time still waits for, empty when it can begin."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from math import isnan
 from pathlib import Path
+import re
 import signal
 import time
 from typing import Any
@@ -15,7 +16,7 @@ from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.live import Run, run_lockstep
 from nadrc_ros.nodes.runtime import DESTROY_TIME, END_TIME
-from nadrc_ros.scenario import loads, Scenario
+from nadrc_ros.scenario import load, loads, Scenario
 from probe import Probe, Processes
 
 LOCKSTEP: dict[str, Any] = {'pacing': 'lockstep', 'steps': 1_000_000}
@@ -92,6 +93,16 @@ def test_p18_the_graph_gives_the_bits_of_the_simulation(tmp_path: Path) -> None:
     assert any(run.summary['metrics']['saturated_fraction'] > 0.0 for run in runs.values())
     assert sum(map(isnan, runs['nested'].samples['measurement'])) in range(8, 35)
     print(f'{len(runs) * 2000 / seconds:.0f} steps/s with the starts of all nodes')
+
+
+def test_p18_with_signals_and_a_plant_of_the_users(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / 'docs' / 'own.md').read_text(encoding='utf-8')
+    names = iter(('my_plant.py', 'my_signals.py', 'log.csv', 'scenario.yaml'))
+    for text in re.findall('```(?:python|text|yaml)\n(.*?)```', page, re.DOTALL):
+        (tmp_path / next(names)).write_text(text)
+    scenario = load(tmp_path / 'scenario.yaml')
+    runs = run_lockstep(scenario, tmp_path / 'out', lambda name: None)
+    assert_same_bits(scenario, 'nested', runs['nested'])
 
 
 def test_p18_also_when_the_plant_diverges(tmp_path: Path) -> None:

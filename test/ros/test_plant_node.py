@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 import signal
 from typing import Any
 
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.nodes.reference import ReferenceNode
 from probe import Probe, Processes
 import pytest
 
@@ -45,6 +48,35 @@ def test_a_delay_does_not_keep_the_first_command_from_coming(make_probe: Make) -
 
     probe.wait_until(moves)
     assert plant.process.output > measurements[-1] + 0.1
+
+
+def test_a_node_takes_a_signal_from_a_file_and_names_what_is_wrong_with_it(
+    make_probe: Make, tmp_path: Path
+) -> None:
+    file, log = tmp_path / 'mine.py', tmp_path / 'log.csv'
+    file.write_text(
+        'class Mine:\n    def __init__(self, level=1.0):\n        self.level = level\n'
+        '    def derivatives(self, t, out):\n        out[0] = self.level\n'
+    )
+    log.write_text('t;r\n0;2,5\n')
+    plant = {'noise_signal': str(log), 'noise_signal_column': 'r', 'start': 'at_once'}
+    mine = {'disturbance': str(file), 'disturbance_level': 3.0}
+    probe = make_probe(parameters={'plant': PLANT | plant | mine})
+    measurements = probe.listen('measurement')
+    probe.add(PlantNode())
+    probe.wait_until(lambda: len(measurements) > 30)
+    steps = [b - a for a, b in pairwise(measurements[10:])]
+    assert all(step == pytest.approx(0.03 * round(step / 0.03)) for step in steps)
+    assert measurements[10] > 2.5 and measurements[-1] > measurements[0]
+    (refusal,) = probe.set('plant', noise_signal_start=-1.0)
+    assert 'noise_signal_start' in refusal
+    for parameters, message in (
+        ({'signal': str(file), 'signal_levl': 1.0}, 'signal_level'),
+        ({'signal': str(log), 'signal_column': 'q'}, "no column 'q'"),
+        ({'signal': str(tmp_path / 'nothing.py')}, 'No such file'),
+    ):
+        with pytest.raises(UserError, match=message):
+            ReferenceNode(parameters=parameters)
 
 
 def test_p17_a_plant_that_is_too_slow_is_told_and_runs_period_by_period(

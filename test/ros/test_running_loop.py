@@ -219,6 +219,7 @@ def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
         ({'reference': 'cosin'}, "signal = 'cosin'"),
         ({'plant': {'plant': Tank, 'leek': 1.0}}, 'leek = 1.0: .*: leak, perhaps'),
         ({'plant': {'plant': 'tank'}}, "'tank'"),
+        ({'plant': Tank()}, 'plant = .*: must be a class'),
         ({'rate': 0.1}, 'rate = 0.1'),
         ({'controller': {'rate': 50.0}}, 'controller.rate = 50.0: must be left out: rate, dur'),
         ({'duration': 0.0}, 'duration = 0.0'),
@@ -304,7 +305,7 @@ PUBLIC = {
     'loop': 'plant controller reference rate duration lockstep executor namespace directory',
     'scenario_loop': 'scenario name lockstep executor namespace directory',
     'private_domain': 'keep',
-    'spin_until': 'executor condition timeout',
+    'spin_until': 'executor condition timeout done',
 }
 NODE = 'parameters namespace node_name context remappings arguments'
 MEMBERS = (

@@ -11,10 +11,17 @@ from nadrc_ros.simulation.signals.chirp import Chirp
 from nadrc_ros.simulation.signals.decaying_cosine import DecayingCosine
 from nadrc_ros.simulation.signals.elementary import Constant, Nothing, Ramp, Step
 from nadrc_ros.simulation.signals.periodic import Cosine, Sine, Square
-from nadrc_ros.simulation.signals.protocol import Signal
+from nadrc_ros.simulation.signals.protocol import check_signal, Signal
 from nadrc_ros.simulation.signals.trapezoid import Trapezoid
 
-__all__ = ['SIGNALS', 'Signal', 'make_signal', 'signal_fields', 'signal_type']
+__all__ = [
+    'SIGNALS',
+    'Signal',
+    'check_signal',
+    'make_signal',
+    'signal_fields',
+    'signal_type',
+]
 
 SIGNALS: dict[str, type[Signal]] = {
     'none': Nothing,

@@ -14,7 +14,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.margins import Margins, margins
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.scenario.user_plant import blame
+from nadrc_ros.scenario.user_code import blame
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.many import run_metrics, RunMetrics
@@ -164,7 +164,7 @@ class Judge:
         self, settings: ControllerSettings, seeds: Sequence[int], corner: Corner
     ) -> list[RunMetrics]:
         scaled = with_gain(settings, corner.gain)
-        with blame(self.scenario.plant.file):
+        with blame(*self.scenario.code):
             found = [run_metrics(corner.experiment, scaled, s, self.compiled) for s in seeds]
         gain = corner.gain
         return [

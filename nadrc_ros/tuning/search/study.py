@@ -253,10 +253,11 @@ def front_of_first(trials: Sequence[Trial], single: bool) -> list[Figures]:
 
 def digest(scenario: Scenario, name: str, tuning: TuneSettings, varied: Sequence[Variable]) -> str:
     """Return what tells studies apart: everything that changes a result but the length."""
-    file = scenario.plant.file
     text = dump(attrs.evolve(scenario, controllers={name: scenario.controllers[name]}))
+    for file in scenario.files:
+        text = text.replace(file, sha256(Path(file).read_bytes()).hexdigest())
     parts: list[Any] = [
-        text.replace(file, sha256(Path(file).read_bytes()).hexdigest()) if file else text,
+        text,
         sorted(attrs.asdict(attrs.evolve(tuning, trials=1)).items()),
         list(varied),
     ]

@@ -1,0 +1,91 @@
+"""Signals of the user's: a class in a Python file, or a column of a CSV file."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from functools import lru_cache
+import os
+from pathlib import Path
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.fields import build, choice, number, text
+from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.scenario.csv_file import open_csv
+from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario.user_code import blame, construct, Kind, user_class
+from nadrc_ros.simulation.signals import check_signal, Signal
+from nadrc_ros.simulation.signals.table import Table
+import numpy as np
+
+SIGNAL = Kind('', 'derivatives', 'signals')
+# Files that are kept read: a sweep makes the same signals at every point.
+KEPT = 8
+
+
+@attrs.frozen(kw_only=True)
+class CsvColumn:
+    """Which column of a CSV file is a signal, and over which time."""
+
+    time: str = text('1', 'column of the times, by name or by number from 1', live=False)
+    column: str = text('2', 'column of the signal, by name or by number from 1', live=False)
+    unit: str = text('', 'unit of the times; empty = that of the heading, else s', live=False)
+    between: str = choice(
+        'linear', ('linear', 'hold'), 'between two rows: a straight line, or the earlier one held'
+    )
+    start: float = number(
+        0.0, 0.0, LARGEST, 's', 'time of the first row in the run; its value holds before'
+    )
+
+
+def load_signal(path: str, class_name: str, values: Mapping[str, Any]) -> Signal:
+    """
+    Return the signal that the Python file at ``path`` defines, by a method ``derivatives``.
+
+    Raises
+    ------
+    ScenarioError, SettingError
+        As :func:`~nadrc_ros.scenario.user_plant.load_plant`.
+
+    """
+    file = os.path.abspath(path)
+    with blame(file, always=True):
+        return check_signal(construct(SIGNAL, user_class(SIGNAL, file, class_name), values))
+
+
+def load_column(path: str, values: Mapping[str, Any]) -> Table:
+    """
+    Return a column of a CSV file as a signal; ``values`` are fields of :class:`CsvColumn`.
+
+    Raises
+    ------
+    ScenarioError, SettingError
+        What is wrong with the file or a value.
+
+    """
+    wanted = build(CsvColumn, values)
+    try:
+        stat = os.stat(path)
+        return _table(path, stat.st_mtime_ns, stat.st_size, wanted)
+    except OSError as error:
+        raise SettingError('csv', path, f'a CSV file ({error.strerror})') from None
+    except UserError as error:
+        raise ScenarioError(f'{path}: {error}') from None
+
+
+@lru_cache(KEPT)
+def _table(path: str, changed: int, size: int, wanted: CsvColumn) -> Table:
+    """Read a column; what the file system says of the file tells one state of it from another."""
+    series = open_csv(Path(path)).series(wanted.time, (wanted.column,), wanted.unit)
+    values = series.columns[wanted.column]
+    there = np.abs(values) <= LARGEST  # an empty cell is nan
+    if not there.any():
+        raise UserError(f'{wanted.column}: there is no number in it')
+    times = series.time[there] - series.time[there][0] + wanted.start
+    return Table(
+        times=array('d', times),
+        values=array('d', values[there]),
+        linear=wanted.between == 'linear',
+    )
