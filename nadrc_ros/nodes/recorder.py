@@ -233,12 +233,12 @@ class RecorderNode(LiveNode):
     def _on_flush(self) -> None:
         self._watch.look()
         if self.recording:
-            self._guarded(self._flush)
+            self._guarded(self.flush)
         values = self.figures.values()
         for name, sender in self._senders.items():
             sender.send(float(getattr(values, name)))
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
         """Write all that is over."""
         if self.intake is not None:
             until, rows = self.intake.close()
@@ -289,7 +289,7 @@ class RecorderNode(LiveNode):
     def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         try:
             if self.recording:
-                self._flush()
+                self.flush()
             self.folder.write_summary(self._summary())
         except OSError as error:
             response.success, response.message = False, f'cannot write: {error.strerror}'

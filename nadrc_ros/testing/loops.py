@@ -39,7 +39,7 @@ def loop(
     *,
     plant: type[Any] | str | Path | Parameters,
     controller: Parameters | None = None,
-    reference: str | Parameters = 'none',
+    reference: str | Path | Parameters = 'none',
     rate: float = 200.0,
     duration: float = 10.0,
     lockstep: bool = False,
@@ -58,7 +58,7 @@ def loop(
     controller
         Parameters of the controller node. Order and b0 are those of the plant where left out.
     reference
-        The name of a signal, or parameters of the reference node.
+        The name of a signal, a Python or a CSV file with one, or parameters of the reference node.
     rate, duration
         Periods per second [Hz], and length of the run [s].
     lockstep
@@ -82,7 +82,7 @@ def loop(
     """
     given = dict(controller or {})
     values = dict(plant) if isinstance(plant, Mapping) else {'plant': plant}
-    signal = dict(reference) if isinstance(reference, Mapping) else {'signal': reference}
+    signal = dict(reference) if isinstance(reference, Mapping) else {'signal': str(reference)}
     for name, parameters in (('plant', values), ('controller', given), ('reference', signal)):
         _refuse_pacing(name, parameters)
     rate = float(rate)

@@ -198,7 +198,7 @@ class RunningLoop:
         Rows are by sample of the measurement: in real time a sample that got lost has none.
         """
         if self.recorder.recording:
-            self.recorder.folder.flush()
+            self.recorder.flush()
         columns = {k: np.array(v) for k, v in read_samples(self.recorder.folder.path).items()}
         levels = sorted((k for k in columns if k.startswith('level_')), key=lambda k: int(k[6:]))
         disturbances = np.column_stack([columns.pop(level) for level in levels])
@@ -210,7 +210,7 @@ class RunningLoop:
         return Result(
             **columns,
             disturbances=disturbances,
-            metrics=self.recorder.metrics.values(),
+            metrics=self.recorder.figures.values(),
             status_counts={
                 s.name.lower(): n for s, n in self.controller.controller.counts.items() if n
             },
