@@ -156,6 +156,7 @@ class ControllerNode(LiveNode):
         said = 'enabled' if on else 'disabled'
         if on == self.controller.enabled:
             said = 'already ' + said
+        self.events.tell('enable', said)
         self.controller.enabled = on
         self._estimates.look()
         self.diagnostics.publish()
@@ -167,6 +168,7 @@ class ControllerNode(LiveNode):
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         self.controller.reset()
+        self.events.tell('reset', 'reset')
         if self.trace is not None:
             self.trace.reset()
         response.success = True
@@ -215,8 +217,6 @@ class ControllerNode(LiveNode):
         """Do one lockstep tick."""
         self._tick(values[0], self.pacing.period, self.pacing.period, values[1:])
 
-    # ---- the step ----
-
     def _tick(
         self,
         measurement: float,
@@ -249,8 +249,10 @@ class ControllerNode(LiveNode):
 
     def _log_mode(self) -> bool:
         """Log a change of mode or cause that was not logged yet; return whether it was now."""
-        mode = self.controller.mode
-        message = self._news.of(mode, self.controller.cause, time.monotonic())
+        mode, cause = self.controller.mode, self.controller.cause
+        if (mode, cause) != self._news.now:
+            self.events.tell('mode', describe(mode, cause), LEVELS[cause])
+        message = self._news.of(mode, cause, time.monotonic())
         if message and mode == Mode.OK:
             self.get_logger().info(message)
         elif message:
@@ -377,10 +379,8 @@ def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
     """
     nodes: list[ControllerNode] = []
     for name in axes_asked(arguments):
-        where: dict[str, Any] = {
-            'namespace': axis_namespace(name, arguments),
-            'arguments': arguments,
-        }
+        space = axis_namespace(name, arguments)
+        where: dict[str, Any] = {'namespace': space, 'arguments': arguments}
         try:
             nodes.append(Axis(nodes[0], **where) if nodes else ControllerNode(**where))
         except BAD_START as error:

@@ -139,6 +139,7 @@ class PlantNode(LiveNode):
         self._commanded = False
         self._timed_out = False
         self._diverged = False
+        self._faults: list[str] = []
         self._keeps_up = True
         self._bad_commands = 0
         self._timeouts = 0
@@ -229,6 +230,9 @@ class PlantNode(LiveNode):
     def _acting_command(self) -> float:
         settings = self._group.value
         timed_out = 0.0 < settings.command_timeout < self._age
+        if timed_out != self._timed_out:
+            said = 'no command: using the safe command' if timed_out else 'commands again'
+            self.events.tell('timeout', said, WARN if timed_out else OK)
         if timed_out and not self._timed_out:
             self._timeouts += 1
             self.get_logger().warning(
@@ -254,6 +258,7 @@ class PlantNode(LiveNode):
             finite = self.process.advance(acting)
         if not finite and not self._diverged:
             self._diverged = True
+            self.events.tell('diverged', 'the plant diverged', ERROR)
             self.get_logger().error(
                 f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '
                 'its output is not a number from here on'
@@ -266,7 +271,14 @@ class PlantNode(LiveNode):
         except (OverflowError, ValueError):
             return nan
 
+    def _tell_faults(self) -> None:
+        """Tell when a fault begins or ends, by itself or as it was asked to."""
+        before, self._faults = self._faults, self.process.faults.acting(self.process.k)
+        if self._faults != before:
+            self.events.tell('fault', ', '.join(self._faults) or 'none', WARN)
+
     def _send_sample(self) -> None:
+        self._tell_faults()
         for sample in self.process.samples(self.process.measurement, still=not self._started):
             self._measurement.send(sample.value)
         self._output.send(self.process.output)

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.nodes.events import Events
 from nadrc_ros.nodes.node_arguments import overrides, own_rules
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
@@ -104,6 +105,7 @@ class LiveNode(Node):
             self.pacing = ParameterGroup(
                 self, declared(PacingSettings), lambda values: build(PacingSettings, values)
             ).value
+            self.events = Events(self)
             self.scheduling = 'not asked for'
             self.finished = False
             self.failure = ''
@@ -119,10 +121,13 @@ class LiveNode(Node):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> Any:
         """Set all or none; what is refused is always named."""
-        if refusal := refuse_unsettable(self, parameter_list):
-            return refusal
-        result = super().set_parameters_atomically(parameter_list)
-        return name_odd_type(self, parameter_list, result)
+        result = refuse_unsettable(self, parameter_list)
+        if result is None:
+            result = super().set_parameters_atomically(parameter_list)
+            result = name_odd_type(self, parameter_list, result)
+        if not result.successful:
+            self.events.tell('refused', result.reason)
+        return result
 
     def fail(self, message: str) -> None:
         """End the process with exit code 1 and this message."""

@@ -32,6 +32,7 @@ def page(subjects: Mapping[str, Subject]) -> str:
     sections = {
         'figures': ('Figures of merit', tables.figures_of_merit(subjects)),
         'changes': ('Changes on the way', _changes(moments, list(subjects))),
+        'events': ('What happened', tables.events(subjects)),
         'output': ('Output and reference', _plot(plotter.output())),
         'error': ('Error', _note(_which_error(subjects)) + _plot(plotter.error())),
         'command': ('Command', _plot(plotter.command())),

@@ -75,6 +75,28 @@ def changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
     return table(header, rows[:LISTED], words=range(len(header)))
 
 
+def events(subjects: Mapping[str, Subject]) -> str:
+    """Return a row for each thing that happened during the runs, '' if nothing is known of it."""
+    several = len(subjects) > 1
+    found = [
+        (event.time, run, event)
+        for run, subject in subjects.items()
+        for event in subject.history.events
+        if event.time is not None
+    ]
+    rows = [
+        [
+            f'{time:.4g}\u00a0s',
+            *([escape(run)] if several else []),
+            escape(node_of(event.node)),
+            escape(event.message),
+        ]
+        for time, run, event in sorted(found, key=lambda each: each[0])
+    ]
+    header = ['time', *(['run'] if several else []), 'node', 'event']
+    return table(header, rows[:LISTED], words=range(len(header))) if rows else ''
+
+
 def timing(columns: Mapping[str, Array]) -> str:
     """Return median, 99 % and largest of times [s], in milliseconds, a row for each run."""
     rows = []

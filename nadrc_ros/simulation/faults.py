@@ -54,11 +54,15 @@ class Acting(Generic[F]):
     def acts(self, k: int) -> bool:
         """Tell whether it acts in period ``k``, and forget everything if it does not."""
         self.k = k
-        acts = self.begin <= k < self.end
+        acts = self.acts_in(k)
         if not acts:
             self.held = None
             self.late.clear()
         return acts
+
+    def acts_in(self, k: int) -> bool:
+        """Tell whether it acts in period ``k``."""
+        return self.begin <= k < self.end
 
     def hold(self, value: float) -> float:
         """Return the first value since it began."""
@@ -270,6 +274,12 @@ class Injector:
             if acting.acts(k):
                 command = COMMAND_KINDS[acting.fault.kind](acting, command)
         return command
+
+    def acting(self, k: int) -> list[str]:
+        """Return where the faults are that act in period ``k``, and of what kind."""
+        found = [f'measurement {e.fault.kind}' for e in self._measurement.values() if e.acts_in(k)]
+        found += [f'command {e.fault.kind}' for e in self._command.values() if e.acts_in(k)]
+        return found
 
     def acts(self, k: int) -> bool:
         """Tell whether any fault acts in period ``k``."""
