@@ -15,8 +15,10 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 from typer.main import get_command
+from typer.testing import CliRunner
 
 SIMULATE = ('simulate', 'demo', '--duration', '0.5')
+SWEEP = Path(__file__).parents[1] / 'config' / 'sweeps' / 'bandwidth.yaml'
 DESIGN = ('design', '--settling-time', '0.5')
 
 
@@ -108,3 +110,18 @@ def test_help_shows_every_word_of_every_option(monkeypatch: pytest.MonkeyPatch) 
         for option in sub.params:
             said = (getattr(option, 'help', None) or '').replace('\\[', '[')
             assert said.split('.')[0] in shown, (name, option.name)
+
+
+@pytest.mark.parametrize('where', ['/dev/null/x', '/proc/x'])
+def test_an_output_that_cannot_be_is_named_by_what_was_asked_for(where: str) -> None:
+    for arguments in (
+        (*SIMULATE, '--json', where),
+        (*SIMULATE, '--plot', f'{where}.png'),
+        (*DESIGN, '--out', where),
+        ('tune', 'demo', '--trials', '1', '--out', where),
+        ('sweep', str(SWEEP), '--out', f'{where}.csv'),
+    ):
+        done = CliRunner().invoke(app, arguments)
+        last = done.output.splitlines()[-1]
+        assert done.exit_code == 1 and last.startswith('nadrc: ' + where.removesuffix('/x')), last
+        assert '.part' not in last and 'Errno' not in last

@@ -78,6 +78,8 @@ def open_storage(where: str) -> optuna.storages.BaseStorage:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock = JournalFileSymlinkLock(str(path), grace_period=LOCK_TIMEOUT)
         return JournalStorage(JournalFileBackend(str(path), lock_obj=lock))
+    except OSError:
+        raise  # names the file, which may be beside --out
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise UserError(f'--storage {where}: not a study, nor a database ({reason})') from None
