@@ -275,7 +275,7 @@ def test_nodes_of_ones_own_take_part() -> None:
 
 DOMAIN = """
 import os, sys
-from nadrc_ros.testing import private_domain
+from nadrc_ros.nodes.domain import private_domain
 domain = private_domain()
 assert os.environ['ROS_DOMAIN_ID'] == str(domain) == str(private_domain())
 assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'

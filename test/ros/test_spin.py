@@ -1,14 +1,16 @@
-"""Spinning for ever must not fill the memory."""
+"""Spinning for ever must neither fill the memory nor leave a callback out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import gc
 import sys
 
-from nadrc_ros.nodes.runtime import make_executor, spin_until
+from nadrc_ros.nodes.runtime import make_executor, spin_for, spin_until
 from probe import Probe
 import pytest
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 
 CALLBACKS = 500
@@ -32,3 +34,18 @@ def test_p20_no_callback_leaves_memory_behind(
     spin_until(probe.executor, probe.node, lambda: len(blocks) >= 2)
     print(f'{blocks[1] - blocks[0]} blocks more after {CALLBACKS} callbacks')
     assert blocks[1] - blocks[0] < CALLBACKS // 2
+
+
+def test_no_callback_of_a_busy_node_starves(make_probe: Callable[..., Probe]) -> None:
+    probe = make_probe(executor=SingleThreadedExecutor)
+    counts = [0, 0, 0]
+
+    def count(i: int) -> None:
+        counts[i] += 1
+
+    for i in range(3):  # each is due again when its callback ends
+        probe.node.create_timer(
+            1e-5, partial(count, i), clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+    spin_for(probe.executor, 0.3)
+    assert min(counts) > 0 and max(counts) < 1.5 * min(counts) + 3, counts
