@@ -8,7 +8,7 @@ from io import StringIO
 from math import isnan
 from pathlib import Path
 
-from hypothesis import given, strategies
+from hypothesis import example, given, settings, strategies
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import csv_file
 from nadrc_ros.scenario.csv_file import CsvFile, open_csv
@@ -180,3 +180,19 @@ def test_a_comma_after_a_thousand_whole_numbers_is_that_of_a_number(tmp_path: Pa
     lines = [f'{k};{k}' for k in range(1100)] + ['1100;0,5']
     found = opened(tmp_path, 't;y\n' + '\n'.join(lines)).series('t', 'y')
     assert found.columns['y'][-1] == 0.5
+
+
+@settings(max_examples=500)
+@given(text=strategies.text(alphabet=';,\t |\n"\'0123456789.-+eEabnt#%/:[]()', max_size=200))
+@example(text='t,y\n0,1\n"1,2\n')
+@example(text='#\n#,\n1,2')
+def test_any_text_is_a_table_or_refused(
+    text: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    try:
+        file = opened(tmp_path_factory.getbasetemp(), text)
+        found = file.series('1', file.names[1:])
+    except UserError as error:
+        assert '\n' not in str(error)
+    else:
+        assert all(len(column) == len(found.time) > 0 for column in found.columns.values())
