@@ -245,6 +245,16 @@ def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:
     assert '/arm' in nadrc('report', states, '--topic', 'measurement=/y').output
 
 
+def test_a_csv_file_is_reported_in_part_and_how_it_was_read_is_said(tmp_path: Path) -> None:
+    log = tmp_path / 'my log.csv'
+    rows = ''.join(f'{k},{k % 7},{k % 5},1\n' for k in range(0, 4000, 10))
+    log.write_text('t [ms],Drehzahl,pwm,ziel\n' + rows)
+    page = report(log, measurement='Drehzahl', reference='ziel', **{'from': 1, 'to': 2})
+    assert 'my log.csv (1.01 s at 100 Hz) ran. ' in page.text
+    done = nadrc('report', log, '--measurement', 'drehzahl', '--out', tmp_path / 'p.html')
+    assert 'measurement Drehzahl, command pwm (guessed), no reference' in done.output
+
+
 def test_without_out_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> None:
     first, second = record(tmp_path), record(tmp_path)
     assert str(first / 'report.html') in nadrc('report', first).output

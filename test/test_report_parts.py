@@ -6,6 +6,7 @@ from math import nan
 from pathlib import Path
 
 from hypothesis import given, strategies
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.history import append_parameters, Change, History, read_history
 from nadrc_ros.report.columns import Array
 from nadrc_ros.report.moments import moments_of, text_of
@@ -157,3 +158,19 @@ def test_latency_and_period_come_from_stamps(tmp_path: Path) -> None:
     stamps = subject.run.columns['measurement_stamp']
     assert np.array_equal(subject.latency, 2.3 - stamps[stamps <= 2.3])
     assert subject.periods == pytest.approx(np.full(49, 0.01), abs=2e-4)
+
+
+def test_of_a_part_of_a_run_the_figures_count_from_its_begin(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    describe(run, '/mine', b0=2.0)
+    for time, b0 in ((1.0, 4.0), (2.5, 5.0), (3.5, 6.0)):
+        append_parameters(run, time, '/mine/controller', {'b0': b0})
+    (subject,) = read_subjects([run], begin=2.0, end=3.0).values()
+    time, error = subject.time, np.abs(subject.error)
+    assert (time[0], time[-1]) == (2.0, 3.0)
+    late = np.sum((time - 2.0) * error) * 0.01
+    assert subject.metrics.itae == pytest.approx(late, rel=0.02)
+    assert [change.after for change in subject.history.changes] == [5.0]
+    assert subject.settings[1][1].b0 == 4.0  # what held there is known all the same
+    with pytest.raises(UserError, match='no row from 9 to'):
+        read_subjects([run], begin=9.0)

@@ -8,12 +8,14 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli.failure import complain, reporting
 from nadrc_ros.cli.options import (
     Command,
+    From,
     Measurement,
     Namespace,
     Reference,
     source,
     Time,
     TimeUnit,
+    To,
 )
 from nadrc_ros.cli.progress import working
 import typer
@@ -55,15 +57,8 @@ def identify(
     namespace: Namespace = '',
     time: Time = '',
     time_unit: TimeUnit = '',
-    begin: Annotated[
-        Optional[float],
-        typer.Option(
-            '--from', help='Use the log from that second on, 0 = first measurement with a command.'
-        ),
-    ] = None,
-    end: Annotated[
-        Optional[float], typer.Option('--to', help='Use the log up to that second.')
-    ] = None,
+    begin: From = None,
+    end: To = None,
     wrap: Annotated[
         Optional[float],
         typer.Option(min=0.0, help='Period of a wrapped angle, to unwrap it; 0 = it is none.'),

@@ -1,6 +1,7 @@
 """Options that several commands have, and those that set declared fields, described by these."""
 
-from typing import Annotated, Any, TYPE_CHECKING
+# ruff: noqa: UP045
+from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.fields import Declared
 import typer
@@ -19,6 +20,14 @@ Time = Annotated[str, typer.Option(help='Column of the time in a CSV file.')]
 TimeUnit = Annotated[
     str, typer.Option(help='Its unit: s, ms, us, ns, min or h; by default that of its heading.')
 ]
+# Which part of a log counts, in seconds of its own time.
+From = Annotated[
+    Optional[float],
+    typer.Option(
+        '--from', help='Use the log from that second on, 0 = first measurement with a command.'
+    ),
+]
+To = Annotated[Optional[float], typer.Option('--to', help='Use the log up to that second.')]
 
 
 def source(namespace: str, time: str, time_unit: str, **signals: str) -> 'Source':

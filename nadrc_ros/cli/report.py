@@ -7,12 +7,14 @@ from typing import Annotated, Optional, TYPE_CHECKING
 from nadrc_ros.cli.failure import complain, reporting
 from nadrc_ros.cli.options import (
     Command,
+    From,
     Measurement,
     Namespace,
     Reference,
     source,
     Time,
     TimeUnit,
+    To,
 )
 from nadrc_ros.cli.pictures import check_format
 from nadrc_ros.cli.progress import working
@@ -44,6 +46,8 @@ def report(
     namespace: Namespace = '',
     time: Time = '',
     time_unit: TimeUnit = '',
+    begin: From = None,
+    end: To = None,
 ) -> None:
     """
     Make a page of one run, or of several to compare them.
@@ -60,7 +64,8 @@ def report(
         named = {'measurement': measurement, 'command': command, 'reference': reference}
         signals = _topics(topic or []) | {name: v for name, v in named.items() if v}
         with working('reading'):
-            subjects = read_subjects(runs, source(namespace, time, time_unit, **signals))
+            where = source(namespace, time, time_unit, **signals)
+            subjects = read_subjects(runs, where, begin, end)
         for subject in subjects.values():
             if subject.run.told:
                 complain(f'{subject.run.path}: {subject.run.told}')

@@ -19,6 +19,7 @@ from nadrc_ros.records.recording import (
     SAMPLES,
     SETTINGS,
 )
+from nadrc_ros.records.shaping import window
 from nadrc_ros.records.source import Source
 from nadrc_ros.report.columns import Array, Trace
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, Steps
@@ -154,9 +155,17 @@ def comparable(subjects: Mapping[str, Subject]) -> bool:
     return all(within)
 
 
-def read_subjects(paths: Sequence[Path], source: Source = OWN) -> dict[str, Subject]:
+def read_subjects(
+    paths: Sequence[Path],
+    source: Source = OWN,
+    begin: float | None = None,
+    end: float | None = None,
+) -> dict[str, Subject]:
     """
     Read runs, and name them by what tells them apart; ``source`` is for bags and CSV files.
+
+    Of each counts what is from ``begin`` to ``end`` [s]; the figures of merit count the time from
+    there.
 
     Raises
     ------
@@ -170,16 +179,20 @@ def read_subjects(paths: Sequence[Path], source: Source = OWN) -> dict[str, Subj
     for path in dict.fromkeys(paths):
         own = (path / SAMPLES).is_file()
         try:
-            run = read_run(path, OWN if own else source)
-            subjects.append(make_subject(run, read_history(path)))
+            run = window(read_run(path, OWN if own else source), begin, end)
+            subject = make_subject(run, read_history(path), begin)
+            if begin is not None or end is not None:
+                subject = attrs.evolve(subject, history=_during(run, subject.history))
+            subjects.append(subject)
         except UserError as error:
             raise RecordingError(f'{path}: {error}') from None
     return dict(zip(_names(subjects), subjects))
 
 
-def make_subject(run: RecordedRun, history: History) -> Subject:
-    """Work out what a report shows of a run."""
-    figures = _figures(run)
+def make_subject(run: RecordedRun, history: History, begin: float | None = None) -> Subject:
+    """Work out what a report shows of a run, or of one that begins at that time [s]."""
+    start = 0.0 if begin is None else float(run.columns['time'][0])
+    figures = _figures(run, start)
     settings, plant = controller_settings(history), plant_gain(history)
     truth = run.columns.get('total_disturbance', np.full(len(run.columns['time']), np.nan))
     known = bool(settings and plant)
@@ -190,25 +203,35 @@ def make_subject(run: RecordedRun, history: History) -> Subject:
         run=run,
         history=history,
         figures=figures,
-        metrics=_metrics(run, figures),
+        metrics=_metrics(run, figures, start),
         settings=settings,
         truth=truth,
         referred=known,
     )
 
 
-def _figures(run: RecordedRun) -> RunSettings:
+def _during(run: RecordedRun, history: History) -> History:
+    """Return a history without the changes and events that were not during the rows of a run."""
+    first, last = run.columns['time'][0], run.columns['time'][-1]
+    return attrs.evolve(
+        history,
+        changes=[each for each in history.changes if first <= each.time <= last],
+        events=[e for e in history.events if e.time is not None and first <= e.time <= last],
+    )
+
+
+def _figures(run: RecordedRun, start: float) -> RunSettings:
     if (run.path / SETTINGS).is_file():
         return read_settings(run.path)
-    return RunSettings(rate=run.rate, settle_time=START * float(run.columns['time'][-1]))
+    return RunSettings(rate=run.rate, settle_time=START * (float(run.columns['time'][-1]) - start))
 
 
-def _metrics(run: RecordedRun, figures: RunSettings) -> MetricValues:
+def _metrics(run: RecordedRun, figures: RunSettings, start: float) -> MetricValues:
     found = Figures(figures)
     columns = {name: values.tolist() for name, values in run.columns.items()}
     for row in zip(*columns.values()):
         values = dict(zip(columns, row))
-        found.add(values['time'], values)
+        found.add(values['time'] - start, values)
     found.end()
     return found.values()
 
