@@ -163,8 +163,8 @@ def test_latency_and_period_come_from_stamps(tmp_path: Path) -> None:
 def test_of_a_part_of_a_run_the_figures_count_from_its_begin(tmp_path: Path) -> None:
     run = record(tmp_path)
     describe(run, '/mine', b0=2.0)
-    for time, b0 in ((1.0, 4.0), (2.5, 5.0), (3.5, 6.0)):
-        append_parameters(run, time, '/mine/controller', {'b0': b0})
+    for at, b0 in ((1.0, 4.0), (2.5, 5.0), (3.5, 6.0)):
+        append_parameters(run, at, '/mine/controller', {'b0': b0})
     (subject,) = read_subjects([run], begin=2.0, end=3.0).values()
     time, error = subject.time, np.abs(subject.error)
     assert (time[0], time[-1]) == (2.0, 3.0)
