@@ -12,6 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.nodes.live import Run
+    from nadrc_ros.records.history import History
     from nadrc_ros.scenario import Scenario
 
 
@@ -170,24 +171,29 @@ def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str,
     from nadrc_ros.writing import write_whole
 
     names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')
+    histories = {run: read_history(result.folder) for run, result in runs.items()}
     traces = {
         run: Trace(
             **{column: result.samples[column] for column in names},
-            total_disturbance=_truth(scenario, run, result),
+            total_disturbance=_truth(scenario, run, result, histories[run]),
         )
         for run, result in runs.items()
     }
-    moments = moments_of({run: read_history(result.folder) for run, result in runs.items()})
+    moments = moments_of(histories)
     marks = [moment.mark() for moment in moments]
     write_whole(path, render(draw(traces, title_of(name, scenario), marks), 'png'))
 
 
-def _truth(scenario: 'Scenario', name: str, run: 'Run') -> Any:
-    """Return L = y^(n) - b0 u for the b0 of the controller; the plant recorded it for its own."""
-    from nadrc_ros.report.timeline import referred
+def _truth(scenario: 'Scenario', name: str, run: 'Run', history: 'History') -> Any:
+    """
+    Return L = y^(n) - b0 u for the b0 of the controller; the plant recorded it for its own.
 
-    changes = [(0.0, scenario.controllers[name].b0)]
-    changes += [(r.time, r.settings['b0']) for r in scenario.retunes if 'b0' in r.settings]
+    That of the controller is the one of its time in the recording, which no retune meets exactly.
+    """
+    from nadrc_ros.report.timeline import controller_settings, referred
+
+    changes = [(time, settings.b0) for time, settings in controller_settings(history)]
+    changes = changes or [(0.0, scenario.controllers[name].b0)]
     time, command, truth = (run.samples[k] for k in ('time', 'command', 'total_disturbance'))
     return referred(time, command, truth, [(0.0, scenario.plant.make().b0)], changes)
 

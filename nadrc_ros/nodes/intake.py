@@ -7,7 +7,7 @@ from math import nan
 import time
 from typing import Any
 
-from nadrc_ros.nodes.stamps import Departures, Losses
+from nadrc_ros.nodes.stamps import Departures, Losses, Offset
 from nadrc_ros.nodes.topics import Info, receive, RECORD
 from nadrc_ros.records.recording import STAMPED
 from nadrc_ros.records.rows import Gap, Row, Rows
@@ -17,7 +17,7 @@ from rclpy.qos import ReliabilityPolicy
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 # Samples of all topics are there so long after the newest one left [ns], and without any new ones
 # after so long.
-SKEW, SILENCE = 200_000_000, 500_000_000
+SKEW, SILENCE = 300_000_000, 600_000_000
 SECOND = 1e9
 # A reference that nobody moves and estimates that a controller leaves out are no gap.
 REGULAR = ('measurement', 'output', 'command')
@@ -49,6 +49,7 @@ class Intake:
         self.simulated: bool = node.get_parameter('use_sim_time').value
         self._node = node
         self._departures: dict[str, Departures] = {}
+        self._offset = Offset()
         self._clock = self._stood = 0
         self.restart(0)
         self._heard = {
@@ -89,7 +90,7 @@ class Intake:
         if self.simulated:
             return now
         if source not in self._departures:
-            self._departures[source] = Departures()
+            self._departures[source] = Departures(self._offset)
         return self._departures[source].of(info, now)
 
     def since_begin(self, moment: int) -> float | None:

@@ -21,7 +21,9 @@ LONGEST_LOOK = 0.02
 class PacingSettings:
     """Rate and pacing, the same for every node of a loop, and priority; all fixed at start."""
 
-    rate: float = number(200.0, 1.0, 5000.0, 'Hz', 'periods per second', live=False)
+    rate: float = number(
+        200.0, 1.0, 5000.0, 'Hz', 'periods per second; of a recorder in lockstep only', live=False
+    )
     pacing: str = choice(
         'realtime',
         ('realtime', 'lockstep'),

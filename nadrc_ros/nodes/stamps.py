@@ -18,6 +18,8 @@ EARLY_PERIODS = 5
 DRIFT = 1e-4
 # A first sample may be late: for so long, and so many more, how early it could be here counts too.
 LEARN = 1_000_000_000
+# Two clocks are read so often until nothing comes between, or nothing has changed [ns].
+TRIES, APART = 5, 50_000
 # So many samples tell by how much they are late.
 FEW = 20
 # More publishers of one topic are not told apart.
@@ -128,6 +130,39 @@ def _follows(number: int | None, seen: int | None, last: int | None, far_back: b
     return number > last or (far_back and number == seen + 1)  # or the publisher was restarted
 
 
+class Offset:
+    """
+    How far the wall clock is ahead of the steady one, as read where nothing interrupted that.
+
+    It is the same number until the clocks have moved apart, so that samples keep their order.
+
+    Parameters
+    ----------
+    wall, steady
+        The clocks [ns].
+
+    """
+
+    def __init__(
+        self, wall: Callable[[], int] = time.time_ns, steady: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._wall = wall
+        self._steady = steady
+        self._ahead = wall() - steady()
+
+    def __call__(self) -> int:
+        """Return the offset [ns]."""
+        for _ in range(TRIES):
+            before = self._steady()
+            ahead = self._wall() - before
+            if abs(ahead - self._ahead) <= APART:
+                break
+            if self._steady() - before <= APART:
+                self._ahead = ahead
+                break
+        return self._ahead
+
+
 class Departures:
     """
     Gives the time at which the samples of one topic left, on the steady clock of this machine.
@@ -141,8 +176,8 @@ class Departures:
 
     Parameters
     ----------
-    wall
-        The clock of stamps on this machine [ns].
+    offset
+        How far the clock of stamps on this machine is ahead of the steady one [ns].
 
     Attributes
     ----------
@@ -151,9 +186,9 @@ class Departures:
 
     """
 
-    def __init__(self, wall: Callable[[], int] = time.time_ns) -> None:
+    def __init__(self, offset: Callable[[], int]) -> None:
         self.clock_jumps = 0
-        self._wall = wall
+        self._offset = offset
         self._behind = 0  # so much the publisher's clock is behind ours [ns]
         self._last: tuple[int, int | None] | None = None
         self._least, self._count, self._since = 0, 0, 0
@@ -164,7 +199,7 @@ class Departures:
         number: int | None = info['publication_sequence_number']
         if not stamp:
             return now
-        delay = self._wall() - stamp - self._behind
+        delay = now + self._offset() - stamp - self._behind
         last, self._last = self._last, (stamp, number)
         if last is None:
             another = delay > JUMP

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.nodes.stamps import Departures, SampleTimes
+from nadrc_ros.nodes.stamps import Departures, Offset, SampleTimes
 import pytest
 
 MS = 1_000_000
@@ -223,7 +223,7 @@ class Way:
         self.steady = 77 * MS
         self.ahead = 0.0
         self.number = 0
-        self.departures = Departures(lambda: self.wall)
+        self.departures = Departures(lambda: self.wall - self.steady)
 
     def take(self, sent: float, delay: float = 0.2, step: float = 0.0) -> float:
         """Return when a sample left [ms]; on its way our clock is stepped by so much."""
@@ -279,4 +279,28 @@ def test_a_step_of_the_publishers_clock_moves_no_sample(step: float) -> None:
 
 def test_a_sample_without_a_stamp_left_when_it_came() -> None:
     info = {'source_timestamp': 0, 'publication_sequence_number': None}
-    assert Departures().of(info, 123) == 123
+    assert Departures(lambda: 0).of(info, 123) == 123
+
+
+def test_what_interrupts_the_reading_of_two_clocks_moves_nothing() -> None:
+    """Or samples that left right after each other would change places."""
+    steady, late, ahead = [0], [0], [START]
+
+    def read() -> int:
+        steady[0] += 100
+        return steady[0]
+
+    def wall() -> int:
+        read()
+        steady[0] += late[0]
+        return steady[0] + ahead[0]
+
+    offset = Offset(wall, read)
+    first = offset()
+    for late[0] in (0, 30_000, 5 * MS, 0):
+        assert offset() == first
+    ahead[0] += 20 * MS  # now the clock is set
+    late[0] = 5 * MS
+    assert offset() == first
+    late[0] = 0
+    assert offset() == pytest.approx(first + 20 * MS, abs=1000)
