@@ -48,8 +48,8 @@ def test_two_controllers_run_side_by_side_and_are_retuned(tmp_path: Path) -> Non
         runs = run_realtime(scenario, folder, lambda now, _: seen.append(now), None)  # noqa: B023
         assert seen == sorted(seen)
         for run in runs.values():
-            # On a busy machine the plant misses periods, the last ones too.
-            assert 100 <= run.summary['rows'] <= run.summary['periods'] <= 250
+            # On a busy machine the plant misses periods, or begins with one that is late.
+            assert 100 <= run.summary['rows'] <= run.summary['periods'] <= 252
             assert run.summary['complete']
             assert run.diagnostics['periods'] >= 100
             assert run.diagnostics['latency_median_ms'] < 100.0
