@@ -17,6 +17,7 @@ from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.nodes.runtime import LiveNode, spin_for
+from nadrc_ros.records.history import Event, read_history
 from nadrc_ros.records.recording import read_samples
 from nadrc_ros.report.timeline import referred
 from nadrc_ros.simulation.experiment import Result, Retune
@@ -215,6 +216,12 @@ class RunningLoop:
                 s.name.lower(): n for s, n in self.controller.controller.counts.items() if n
             },
         )
+
+    def events(self) -> list[Event]:
+        """Return what happened so far: changes of mode, refused parameters, gaps, with times."""
+        if self.recorder.recording:
+            self.recorder.flush()
+        return read_history(self.recorder.folder.path).events
 
     def start(self, *, enable: bool) -> None:
         """Wait until every topic of the loop has its readers, and close the loop."""

@@ -212,6 +212,20 @@ def test_in_real_time_a_loop_runs_by_the_clock_and_ends_by_itself(
     assert set(truth) == {0.0, 3.0} and (np.diff(truth) >= 0.0).all()
 
 
+def test_what_happened_is_told_with_its_time() -> None:
+    with loop(plant=Tank, controller={'measurement_timeout': 0.1}, rate=50.0, duration=2.0) as run:
+        run.run_until(0.5)
+        run.change('plant', {'fault.measurement.kind': 'silent'})
+        run.run_until(1.2)
+        with pytest.raises(UserError):
+            run.change(inner_bandwidth=-1.0)
+        run.finish()
+        events = [(event.time, event.message) for event in run.events()]
+    (time,) = [t for t, message in events if 'holding' in message]
+    assert time is not None and 0.5 < time < 1.3
+    assert any('inner_bandwidth' in message for _, message in events)
+
+
 def threads() -> set[threading.Thread]:
     return set(threading.enumerate())
 
@@ -319,7 +333,7 @@ PUBLIC = {
 NODE = 'parameters namespace node_name context remappings arguments'
 MEMBERS = (
     'plant controller reference recorder executor namespace rate duration time '
-    'add change finish result run_until wait_until'
+    'add change events finish result run_until wait_until'
 )
 
 
