@@ -32,10 +32,12 @@ from nadrc_ros.testing import loop, RunningLoop, scenario_loop
 import numpy as np
 import pytest
 import rclpy
+from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
 
 SCENARIO = """
 plant: {name: paper, a3: 0.2}
@@ -285,6 +287,23 @@ def test_nodes_of_ones_own_take_part() -> None:
         run.wait_until(lambda: node.count_publishers('command'))
         result = run.finish()
         run.wait_until(lambda: heard and heard[-1] == result.command[-1])
+
+
+def test_a_loop_joins_an_executor_and_a_context_of_ones_own() -> None:
+    context = Context()
+    context.init([])
+    executor = SingleThreadedExecutor(context=context)
+    node = Node('mine', context=context)
+    executor.add_node(node)
+    with loop(plant=Tank, rate=50.0, executor=executor) as run:
+        client = node.create_client(SetBool, f'{run.namespace}/controller/enable')
+        run.wait_until(client.service_is_ready)
+        future = client.call_async(SetBool.Request(data=False))
+        run.wait_until(future.done, done=future)
+        assert future.result().success and not run.controller.controller.enabled
+    assert executor.get_nodes() == [node] and context.ok()
+    node.destroy_node()
+    context.shutdown()
 
 
 DOMAIN = """
