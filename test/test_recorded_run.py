@@ -130,8 +130,16 @@ def test_topics_of_other_names_can_be_named(tmp_path: Path) -> None:
     assert np.isnan(run.columns['reference']).all()
 
 
-@pytest.mark.parametrize('mcap', [False, True])
-@pytest.mark.parametrize('compressed', [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize(
+    ('compressed', 'mcap'),
+    [
+        (CompressionMode.FILE, False),
+        (CompressionMode.FILE, True),
+        (CompressionMode.MESSAGE, False),
+        (CompressionMode.MESSAGE, True),
+        (CompressionMode.STORAGE, True),
+    ],
+)
 def test_a_compressed_bag_reads_as_the_plain_one(
     compressed: CompressionMode, mcap: bool, tmp_path: Path
 ) -> None:
