@@ -137,12 +137,12 @@ def test_what_does_not_wrap_is_left_alone(values: Array) -> None:
 
 def test_fewer_rows_keep_the_mean_command_and_the_motion() -> None:
     u = np.random.default_rng(1).normal(size=len(T))
-    slow = run_of(measurement=np.sin(0.5 * T), command=u)
+    slow = run_of(measurement=np.sin(0.2 * T), command=u)
     thin, every = thinned(slow, 100)
     assert every == 10 and thin.rate == 10.0
     np.testing.assert_allclose(thin.columns['time'], T[::10])
     np.testing.assert_allclose(thin.columns['command'], u.reshape(-1, 10).mean(axis=1))
-    np.testing.assert_array_equal(thin.columns['measurement'], np.sin(0.5 * T[::10]))
+    np.testing.assert_array_equal(thin.columns['measurement'], np.sin(0.2 * T[::10]))
     assert thinned(slow, 1000) == (slow, 1)
     assert thinned(slow, 100, every=4)[1] == 4
     fast = attrs.evolve(slow, columns=slow.columns | {'measurement': np.sin(20.0 * T)})
