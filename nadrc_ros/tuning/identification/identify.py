@@ -15,14 +15,19 @@ from collections.abc import Sequence
 
 import attrs
 from nadrc_ros.records.recording import RecordingError
-from nadrc_ros.tuning.identification.estimate import Estimate, Fit, fit_direct, fit_late, refine
-from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine, noise_deviation
-from nadrc_ros.tuning.identification.predictor import Form, Log
+from nadrc_ros.tuning.identification.candidates import candidates, explored, simplest, with_ways
+from nadrc_ros.tuning.identification.estimate import Estimate, is_open, refine, Z95
+from nadrc_ros.tuning.identification.fit import deviation, Fit
+from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine
+from nadrc_ros.tuning.identification.motion import noise_deviation
+from nadrc_ros.tuning.identification.predictor import Log
+import numpy as np
 
 ORDERS = (1, 2, 3)
-SMOOTHNESS = (1, 2, 3)
-# What explains the log nearly as well counts as well: the simplest such model is taken.
-NEARLY = 1.003
+# Bandwidths of the prefilters that are tried, relative to that of the noise model.
+BANDS = (1.0, 0.5, 0.25)
+# A slower one whose error is that many times as large tells nothing of the model.
+TELLING = 2.0
 # An interval wider than that many times the estimate on either side is no estimate.
 WIDEST = 0.5
 WIDE = 0.2
@@ -53,7 +58,8 @@ class Plant:
     unexplained
         Innovations of the best model of each order tried, relative to the smallest.
     instruments
-        Whether a reference was there to tell the command's part from the disturbance's.
+        Whether a reference, or a command that answers nothing, tells the command's part from the
+        disturbance's.
     samples, period
         Of the log; period in [s].
     doubts
@@ -86,15 +92,19 @@ def identify(log: Log, order: int | None = None) -> Plant:
 
     """
     orders = (order,) if order else ORDERS
-    fits = [fit for order in orders for fit in candidates(log, order)]
+    log, suggestions = explored(with_ways(log), orders)
+    fits = [fit for n in orders for fit in candidates(log, n, suggestions[n], order is None)]
     chosen = simplest(fits)
-    refined, estimates = refine(log, chosen)
-    b0, late = estimates[0], chosen.form.late
-    if not refined.innovation <= WORSE * chosen.innovation:
+    closed = not log.reference_moves and not is_open(log, chosen)
+    if closed and log.reference_known:
         raise RecordingError(
-            'the reference and the command explain too little of the output, as when the loop '
-            f'stalls or commands act at odd times: {ADVICE}'
+            f'the reference stands at {log.reference[0]:g}: what the command does cannot be told '
+            f'from what the disturbance does that it answers: {ADVICE}'
         )
+    refined, estimates = in_the_best_band(log, chosen)
+    b0, late = estimates[0], chosen.form.late
+    if chosen.form.lagging:
+        b0 = in_series(b0, refined)
     if not b0.half_width <= WIDEST:
         raise RecordingError(
             f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command moves too little '
@@ -107,47 +117,89 @@ def identify(log: Log, order: int | None = None) -> Plant:
         b0=b0,
         damping=Estimate(value=-top.value, error=top.error),
         late=late,
-        lateness=estimates[-1] if late else None,
-        noise=noise_deviation(log),
+        lateness=total(estimates[1 + chosen.form.order :]),
+        noise=min(noise_deviation(log.measurement), deviation(log, refined, chosen.bandwidth)),
         disturbance_bandwidth=chosen.bandwidth,
         unexplained={
             n: min(f.innovation for f in fits if f.form.order == n) / best for n in orders
         },
-        instruments=log.reference_moves,
+        instruments=not closed,
         samples=len(log.command),
         period=log.h,
-        doubts=tuple(_doubts(log, b0)),
+        doubts=tuple(_doubts(log, b0, closed)),
     )
 
 
-def candidates(log: Log, order: int) -> list[Fit]:
-    """Return the models of one order, the simple ones first."""
-    fits: list[Fit] = []
-    for smoothness in SMOOTHNESS:
-        near = fits[-1] if fits else None
-        fits.append(fit_direct(log, Form(order=order, smoothness=smoothness), near))
-    best = simplest(fits)
-    fits += fit_late(log, best)
-    late = simplest(fits)
-    for smoothness in SMOOTHNESS if late.form.late else ():
-        fits.append(fit_direct(log, attrs.evolve(late.form, smoothness=smoothness), late))
-    return fits
+def in_the_best_band(log: Log, chosen: Fit) -> tuple[Fit, list[Estimate]]:
+    """
+    Return the fit and its estimates behind the prefilter that leaves b0 the smallest error.
+
+    What a model leaves out, lags and backlash, acts most in the fast band where the innovations
+    are smallest. Slower prefilters tell the same of a plant that is as the model is (Hausman,
+    Econometrica 46, 1978); what they differ by more than their errors widens the interval.
+    """
+    tried = [
+        refine(log, attrs.evolve(chosen, bandwidth=ratio * chosen.bandwidth)) for ratio in BANDS
+    ]
+    found = [
+        (fit, estimates)
+        for fit, estimates in tried
+        if deviation(log, fit, chosen.bandwidth) <= WORSE * chosen.innovation
+    ]
+    if not found:
+        raise RecordingError(
+            'the reference and the command explain too little of the output, as when the loop '
+            f'stalls or commands act at odd times: {ADVICE}'
+        )
+    gains = [estimates[0] for _, estimates in found]
+    best = min(range(len(gains)), key=lambda k: gains[k].error)
+    own = gains[best]
+    telling = [slow for slow in gains[best + 1 :] if slow.error < TELLING * own.error]
+    apart = [(abs(slow.value - own.value), slow.error) for slow in telling]
+    wrong = max((far**2 - error**2 for far, error in apart if far > Z95 * error), default=0.0)
+    fit, estimates = found[best]
+    widened = attrs.evolve(own, error=float(np.hypot(own.error, np.sqrt(wrong))))
+    return fit, [widened, *estimates[1:]]
 
 
-def simplest(fits: Sequence[Fit]) -> Fit:
-    """Return the first fit that is nearly as good as the best."""
-    best = min(fit.innovation for fit in fits)
-    return next(fit for fit in fits if fit.innovation <= NEARLY * best)
+def total(parts: Sequence[Estimate]) -> Estimate | None:
+    """Return the sum of delay and lag, None without them."""
+    if not parts:
+        return None
+    return Estimate(
+        value=sum(part.value for part in parts),
+        error=float(np.linalg.norm([part.error for part in parts])),
+    )
 
 
-def _doubts(log: Log, b0: Estimate) -> list[str]:
+def in_series(b0: Estimate, fit: Fit) -> Estimate:
+    """
+    Return b0 with an interval for either meaning of a lag.
+
+    tau y^(n+1) + y^(n) = b0 u + a . y with the poles of a motor, or those of a plant behind an
+    actuator: (tau s + 1) (s^n - a) y = b0 u. They differ by about a_(n-1) tau, and no log can tell
+    which is meant.
+    """
+    n = fit.form.order
+    a, tau = fit.parameters[:n], fit.parameters[-1]
+    roots = np.roots(np.concatenate(([tau, 1.0], -a[::-1])))
+    fastest = roots[np.argmax(np.abs(roots))]
+    if fastest.imag or not fastest.real < 0.0:
+        return b0
+    other = b0.value * (-1.0 / fastest.real) / tau
+    return Estimate(
+        value=0.5 * (b0.value + other), error=b0.error + 0.5 * abs(other - b0.value) / Z95
+    )
+
+
+def _doubts(log: Log, b0: Estimate, closed: bool) -> list[str]:
     doubts = []
-    if not log.reference_moves:
+    if closed:
         doubts.append(
             'no reference that moves was recorded: a disturbance that the loop fights may pass '
             'for a wrong b0, and the interval does not know of it'
         )
-    elif is_one_sine(log.reference):
+    elif log.reference_moves and is_one_sine(log.reference):
         doubts.append(
             'the reference is one sine: stiffness, and a disturbance of nearly that frequency, '
             'cannot be told from b0; a chirp or a square tells more'

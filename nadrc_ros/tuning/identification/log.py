@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import comb
-
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.tuning.identification.motion import noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Log
 import numpy as np
 
@@ -15,12 +14,13 @@ MOST_AT_A_LIMIT = 0.9
 MOST_WITHOUT_REFERENCE = 0.2
 # A spread of the output up to that many times its noise is no motion.
 STILL = 1.3
-NOISE_DIFFERENCES = 4
 # So much faster or slower than they should, measurements are not those of the rate of a run.
 OFF_RATE = 0.05
 # A reference with that share of its power in one line, after so many turns, is a sine alone.
 ONE_LINE, TURNS = 0.9, 3
-ADVICE = 'record at least some seconds of a reference that moves, best a chirp or a square'
+ADVICE = (
+    'record at least some seconds of a reference that moves, best a square or moves to and fro'
+)
 
 
 def log_of(run: RecordedRun) -> Log:
@@ -72,17 +72,6 @@ def log_of(run: RecordedRun) -> Log:
     return log
 
 
-def noise_deviation(log: Log) -> float:
-    """
-    Return the standard deviation of the measurement noise, from differences of order four.
-
-    They leave nothing of a motion that is slow against the period and of white noise of variance
-    v leave C(8, 4) v (von Neumann; Hall, Kay and Titterington, Biometrika 77, 1990).
-    """
-    left = np.diff(log.measurement, NOISE_DIFFERENCES)
-    return float(np.sqrt(np.mean(left**2) / comb(2 * NOISE_DIFFERENCES, NOISE_DIFFERENCES)))
-
-
 def is_one_sine(reference: Array) -> bool:
     """Tell whether nearly all of the reference's motion is one line of its spectrum."""
     power = np.abs(np.fft.rfft((reference - reference.mean()) * np.hanning(len(reference)))) ** 2
@@ -130,7 +119,7 @@ def _check_excited(log: Log) -> None:
                 'ask for slower motion, or give the actuator wider limits'
             )
     spread = float(np.std(log.measurement))
-    if spread <= STILL * noise_deviation(log):
+    if spread <= STILL * noise_deviation(log.measurement):
         raise RecordingError(
             f'the output does not move: it scatters by {spread:.3g}, no more than its noise: '
             f'{ADVICE}'
