@@ -13,7 +13,7 @@ from typing import Any
 
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.nodes.controller import LoopSettings
+from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import fault_fields, noise_fields
 from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE

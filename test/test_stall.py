@@ -81,6 +81,19 @@ def test_a_slow_rise_at_full_power_is_no_stall(deviation: float, setpoint: float
         assert heater.controller.mode == Mode.OK
 
 
+def test_a_rise_that_begins_at_full_power_with_the_first_command_is_no_stall() -> None:
+    controller = Controller(
+        ControllerSettings(
+            plant_order=1, command_max=10.0, stall_time=9.0, measurement_timeout=0.0
+        )
+    )
+    y = 0.0
+    for _ in range(2000):
+        y += 0.01 * (controller.tick(y, 0.01, reference=[1000.0]) - 3.0)
+        assert not controller.stalled
+    assert controller.error_growth < 0.0
+
+
 def test_a_load_that_no_command_holds_and_a_wrong_sign_are_stalls() -> None:
     heater = Heater(stall_time=20.0)
     heater.run(1500.0, 250.0)

@@ -137,7 +137,7 @@ def supervise(
             at_limit = stalled = 0.0
         nearer = abs(start - last) <= (1.0 - PROGRESS) * abs(distance)
         beyond = (aim - last) * distance < 0.0
-        if measured and (stalled == 0.0 or nearer or beyond):
+        if measured and (stalled == 0.0 or distance == 0.0 or nearer or beyond):
             stalled, start, distance = 0.0, aim, aim - last
 
     cause = NONE

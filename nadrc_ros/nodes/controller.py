@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf, nan
+from math import nan
 from pathlib import Path
 import sys
 import time
 from typing import Any
 
-import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.adrc.fields import build, choice, declared, flag, integer, text
+from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Mode
 from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
 from nadrc_ros.nodes.diagnostics import Diagnostics, Latencies, WARN
+from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.mode_news import concerns, describe, LEVELS, ModeNews, SECONDS
+from nadrc_ros.nodes.loop_settings import LoopSettings
+from nadrc_ros.nodes.mode_news import describe, LEVELS, ModeNews
 from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
 from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
@@ -31,29 +33,6 @@ from std_srvs.srv import SetBool, Trigger
 Reference = Sequence[float | None]
 # How often readers of the estimates are looked for [s].
 LOOK = 0.1
-
-
-@attrs.frozen(kw_only=True)
-class LoopSettings:
-    """How the controller is wired into the graph; fixed at start."""
-
-    trigger: str = choice(
-        'timer',
-        ('timer', 'measurement'),
-        'what starts a step: a fixed-rate timer, or each received measurement',
-        live=False,
-    )
-    enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
-    estimate_divisor: int = integer(
-        1,
-        1,
-        10000,
-        'estimates are published with every N-th command; lockstep publishes all',
-        live=False,
-    )
-    trace: str = text(
-        '', 'new file for one record per step, from which the run can be replayed', live=False
-    )
 
 
 class ControllerNode(LiveNode):
@@ -94,7 +73,6 @@ class ControllerNode(LiveNode):
         self._silent_at_stop = False
         self.latencies = Latencies()
         self._news = ModeNews(self.controller.mode, self.controller.cause)
-        self._told: dict[str, float] = {}
         self.lockstep: Lockstep | None = None
         self._sample_ticker: SampleTicker | None = None
         inputs = ['measurement', 'reference', *derivatives]
@@ -105,9 +83,16 @@ class ControllerNode(LiveNode):
             self._command = self.lockstep.add_output('command')
         else:
             self._command = Sender(self, 'command')
-            self._measured = receive(self, 'measurement', self._on_measurement)
-            for i, topic in enumerate(inputs[1:]):
-                receive(self, topic, self._reference_taker(i))
+            takers = [self._on_measurement, *map(self._reference_taker, range(len(inputs) - 1))]
+            self.inputs = [
+                receive(
+                    self, topic, take, silence=WARN if topic == 'measurement' else None, sole=True
+                )
+                for topic, take in zip(inputs, takers)
+            ]
+            given = self._parameter_overrides
+            doubts = Doubts(self.controller, self.pacing.rate, given, self.remarks)
+            self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
             rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
             self.beat: Beat = first.beat if first and by_timer else Beat(self, rate)
             if not by_timer:
@@ -119,13 +104,15 @@ class ControllerNode(LiveNode):
             self._ticked = self.ticker.now()
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
+        shared = loop.share_command or self.pacing.lockstep
+        self._rivals = Rivals(self, self._command, self.remarks, shared=shared)
         self._estimates = Estimates(
             self._sender, self.controller.design.levels, always=self.lockstep is not None
         )
         self._divisor = loop.estimate_divisor if self.lockstep is None else 1
         self._steps = 0
         self._look: Beat = first._look if first else Beat(self, 1.0 / LOOK, steady=True)
-        self._look.listeners.append(self._estimates.look)
+        self._look.listeners += [self._estimates.look, self._mind_rivals]
         axes = {axis_namespace(name, self.arguments) for name in axes_asked(self.arguments)}
         refuse_unknown(self, axes - {self.get_namespace()})
         # Last, as a node that fails to start should leave no file behind.
@@ -153,6 +140,9 @@ class ControllerNode(LiveNode):
         """Close the loop, or open it; return whether that was possible, and what came of it."""
         if self._stopping:
             return False, 'the controller is being stopped'
+        if on and not self.controller.enabled and (refusal := self._rivals.refusal()):
+            return False, refusal
+        self._rivals.settle(on)
         said = 'enabled' if on else 'disabled'
         if on == self.controller.enabled:
             said = 'already ' + said
@@ -179,7 +169,7 @@ class ControllerNode(LiveNode):
 
     def _on_measurement(self, value: float, info: Info) -> None:
         if self._sample is not None:
-            self._overwritten += 1
+            self._overwritten += not self._rivals.listening
             self._times.saw(self._sample[1])
         self._sample = value, info, self.ticker.now()
         if self._sample_ticker is not None:
@@ -196,6 +186,8 @@ class ControllerNode(LiveNode):
         """Do one real-time tick with the newest sample, or without one."""
         now = self.ticker.now()
         elapsed, self._ticked = max(0.0, (now - self._ticked) * 1e-9), now
+        if self._rivals.listening:
+            return
         if self._sample is None:
             self._idle += 1
             self._tick(nan, 0.0, elapsed, self._take_reference())
@@ -228,8 +220,11 @@ class ControllerNode(LiveNode):
         controller = self.controller
         applied, settings = controller.command, controller.settings
         command = controller.tick(measurement, dt, elapsed=elapsed, age=age, reference=reference)
-        if not (self._silent and controller.quiet) or self.lockstep is not None:
+        silent = self._rivals.mute or (self._silent and controller.quiet)
+        if not silent or self.lockstep is not None:
             self._command.send(command)
+            if self._rivals.hearing:
+                self._rivals.sent(command)
         sent_safe = command == controller.settings.safe_command
         self._silent = controller.quiet and (self._silent or sent_safe)
         self._steps += 1
@@ -241,6 +236,15 @@ class ControllerNode(LiveNode):
             self.diagnostics.publish()
         if controller.settings is not settings:
             self._tell_if_jumped(applied, settings.command_rate_limit * elapsed)
+
+    def _mind_rivals(self) -> None:
+        """Give way to another who is in command; begin when nobody is."""
+        listened = self._rivals.listening
+        if self._rivals.look(self._silent and self.controller.quiet):
+            self.controller.enabled = False
+            self.diagnostics.publish()
+        elif listened and self._sample_ticker and self._sample and not self._rivals.listening:
+            self._step()
 
     def _sender(self, topic: str) -> Sender:
         return Sender(self, topic) if self.lockstep is None else self.lockstep.add_output(topic)
@@ -289,7 +293,7 @@ class ControllerNode(LiveNode):
                 'stamps_from_future': self._times.from_future,
                 'clock_jumps': self._times.clock_jumps,
                 'measurements_out_of_order': self._times.out_of_order,
-                'measurement_publishers': self.count_publishers(self._measured),
+                'measurement_publishers': self.count_publishers(self.inputs[0].topic),
                 **self.latencies.summary(),
             }
         values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
@@ -300,16 +304,6 @@ class ControllerNode(LiveNode):
         level, message = LEVELS[controller.cause], describe(controller.mode, controller.cause)
         if controller.restarted:
             level, message = WARN, f'{message}; the last sample only restarted the observers'
-        if controller.settings.reference_timeout > 0.0 and controller.watch.reference_age == inf:
-            level, message = max(level, WARN), f'{message}; no reference yet'
-        for name, concern in concerns(controller).items():
-            level, message = max(level, WARN), f'{message}; {concern}'
-            now = time.monotonic()
-            if now - self._told.get(name, -inf) > SECONDS:
-                self._told[name] = now
-                self.get_logger().warning(concern)
-        if values.get('measurement_publishers', 1) not in (0, 1):
-            level, message = max(level, WARN), f'{message}; several publishers of measurement'
         return level, message, values
 
     # ---- the end ----
@@ -317,13 +311,13 @@ class ControllerNode(LiveNode):
     def begin_stop(self) -> None:
         """Ramp to the safe command; a silent one stays so, as another may be in control."""
         self._stopping = True
-        self._silent_at_stop = self._silent
+        self._silent_at_stop = self._silent or self._rivals.mute
         self.controller.enabled = False
 
     @property
     def stopped(self) -> bool:
         """Tell whether the safe command was reached."""
-        return self.lockstep is not None or self._silent
+        return self.lockstep is not None or self._silent or self._rivals.mute
 
     def close(self) -> None:
         """Send the safe command, whatever the rate limit, and make sure that it arrives."""

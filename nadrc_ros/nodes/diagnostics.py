@@ -34,6 +34,7 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish now."""
         level, message, values = self._report()
+        level, message = self._node.remarks.added_to(level, message)
         if self._stands_still:
             level, message = ERROR, f'{message}; /clock stands still'
         status = DiagnosticStatus(
@@ -51,6 +52,8 @@ class Diagnostics:
     def _on_timer(self) -> None:
         before, self._now = self._now, self._node.get_clock().now().nanoseconds
         self._stands_still = self._now == before
+        for check in self._node.checks:
+            check()
         self.publish()
 
 

@@ -7,9 +7,10 @@ from math import nan
 import time
 from typing import Any
 
+from nadrc_ros.nodes.diagnostics import OK, WARN
 from nadrc_ros.nodes.stamps import Departures, Losses, Offset
 from nadrc_ros.nodes.topics import Info, receive, RECORD
-from nadrc_ros.records.recording import STAMPED
+from nadrc_ros.records.recording import NEEDED, STAMPED
 from nadrc_ros.records.rows import Gap, Row, Rows
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
@@ -52,8 +53,11 @@ class Intake:
         self._offset = Offset()
         self._clock = self._stood = 0
         self.restart(0)
-        self._heard = {
-            name: receive(node, topic, self._taker(name), RECORD) for name, topic in topics.items()
+        self.inputs = {
+            name: receive(
+                node, topic, self._taker(name), RECORD, silence=WARN if name in NEEDED else OK
+            )
+            for name, topic in topics.items()
         }
 
     def restart(self, begin: int) -> None:
@@ -119,7 +123,7 @@ class Intake:
 
     def best_effort(self, names: list[str]) -> str:
         """Return how to hear those that are published, but not as reliably as is asked for."""
-        for topic in (self._heard[name] for name in names):
+        for topic in (self.inputs[name].topic for name in names):
             publishers = self._node.get_publishers_info_by_topic(topic)
             name = f'qos_overrides.{topic}.subscription.reliability'
             given = any(p.qos_profile.reliability == BEST_EFFORT for p in publishers)

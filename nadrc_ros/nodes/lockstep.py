@@ -108,7 +108,7 @@ class Lockstep:
         def take(value: float, info: Info) -> None:
             self._take(index, value, info)
 
-        self._topics.append(receive(self._node, topic, take, LOCKSTEP_RECEIVE))
+        self._topics.append(receive(self._node, topic, take, LOCKSTEP_RECEIVE).topic)
 
     def add_output(self, topic: str) -> Sender:
         """Add an output."""

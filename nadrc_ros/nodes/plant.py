@@ -154,7 +154,7 @@ class PlantNode(LiveNode):
             self._measurement = Sender(self, 'measurement')
             self._output = Sender(self, '~/output')
             self._truth = Sender(self, '~/total_disturbance')
-            receive(self, 'command', self._on_command)
+            self.inputs = [receive(self, 'command', self._on_command)]
             self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
         refuse_unknown(self)
         self.diagnostics = Diagnostics(self, self._report)

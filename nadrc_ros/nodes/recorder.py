@@ -123,6 +123,7 @@ class RecorderNode(LiveNode):
                 self.lockstep.add_input(topic)
         else:
             self.intake = Intake(self, topics)
+            self.inputs = list(self.intake.inputs.values())
             if not self.intake.simulated:  # stamps are of this machine's clock
                 self._columns += STAMPS
         steady = Clock(clock_type=ClockType.STEADY_TIME)

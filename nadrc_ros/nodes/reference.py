@@ -54,7 +54,7 @@ class ReferenceNode(LiveNode):
             self._senders: list[Sender] = [self.lockstep.add_output(t) for t in REFERENCE_TOPICS]
         else:
             self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
-            receive(self, 'command', lambda value, info: self._start())
+            self.inputs = [receive(self, 'command', lambda value, info: self._start())]
             self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
         refuse_unknown(self)
         self.diagnostics = Diagnostics(self, self._report)

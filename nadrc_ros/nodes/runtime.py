@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.nodes.events import Events
+from nadrc_ros.nodes.inputs import InputWatch
 from nadrc_ros.nodes.node_arguments import overrides, own_rules
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
@@ -24,6 +25,8 @@ from nadrc_ros.nodes.parameters import (
     refuse_unknown_types,
     refuse_unsettable,
 )
+from nadrc_ros.nodes.remarks import Remarks
+from nadrc_ros.nodes.topics import Input
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
@@ -99,6 +102,11 @@ class LiveNode(Node):
             parameter_overrides=overrides(parameters or {}),
         )
         self.arguments = arguments
+        # What it reads, to be watched in real time.
+        self.inputs: list[Input] = []
+        self.remarks = Remarks(self.get_logger())
+        # Called once per second.
+        self.checks: list[Callable[[], None]] = []
         try:
             if arguments:
                 refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))
@@ -112,6 +120,9 @@ class LiveNode(Node):
             self.told_to_stop = False
             refuse_unknown_types(self)
             self.set_up()
+            if not self.pacing.lockstep:
+                watch = InputWatch(self, self.inputs, self.remarks, self.pacing.period)
+                self.checks.append(watch.look)
         except BaseException:
             self.destroy_node()
             raise

@@ -48,6 +48,8 @@ class SampleTimes:
     ----------
     late
         How much later than the one before the last sample came [s]: its age, after a stall.
+    spacing
+        What the last sample spanned [s], 0 before the second.
 
     """
 
@@ -57,7 +59,7 @@ class SampleTimes:
         self.from_future = 0
         self.clock_jumps = 0
         self.out_of_order = 0
-        self.late = 0.0
+        self.late = self.spacing = 0.0
         self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
         # From stamp to receipt [ns], with the difference of their clocks: the least so far, and
         # until when it is at least what it is on a machine with our clock.
@@ -113,6 +115,7 @@ class SampleTimes:
         self._learnt += 1
         self._last = stamp, now, number
         self.late = max(0.0, (receipt - source) * 1e-9)
+        self.spacing = source * 1e-9
         return float(source) * 1e-9
 
     def _learn_delay(self, stamp: int, now: int) -> None:

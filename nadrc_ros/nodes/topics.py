@@ -10,8 +10,11 @@ from math import nan
 from struct import Struct
 from typing import Any
 
+import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.diagnostics import OK
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import (
@@ -40,13 +43,42 @@ LOCKSTEP_SEND = QoSProfile(
 LOCKSTEP_RECEIVE = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE
 )
+FLOAT64 = 'std_msgs/msg/Float64'
+# The node itself says what does not fit, and destroying an input is safe without events.
+SILENT = SubscriptionEventCallbacks(use_default_callbacks=False)
 # A Float64 as it travels: to make and take messages of Python doubles the time of both.
 _HEADER = bytes((0, 1, 0, 0))  # the byte order
 _LITTLE, _BIG = Struct('<4sd'), Struct('>4sd')
 
 
+@attrs.define(eq=False)
+class Input:
+    """
+    A topic that a node reads.
+
+    Attributes
+    ----------
+    topic
+        Its full name.
+    count
+        Samples that came.
+    silence
+        Level of what is said when nothing comes, None for nothing unless it is a mistake.
+    sole
+        Whether there should be one publisher only.
+
+    """
+
+    topic: str
+    qos: QoSProfile
+    silence: bytes | None
+    sole: bool
+    count: int = 0
+    subscription: Any = None
+
+
 class Sender:
-    """A publisher of numbers."""
+    """A publisher of numbers, and how many it has published."""
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile = SEND) -> None:
         qos = copy.copy(qos)  # rclpy writes overrides into it
@@ -54,6 +86,7 @@ class Sender:
             Float64, topic, qos, qos_overriding_options=_overridable(topic, qos)
         )
         self.topic: str = self.publisher.topic_name
+        self.count = 0
 
     @property
     def has_readers(self) -> bool:
@@ -62,6 +95,7 @@ class Sender:
 
     def send(self, value: float) -> None:
         """Publish ``value``."""
+        self.count += 1
         self.publisher.publish(_LITTLE.pack(_HEADER, value))
 
     def send_last(self, value: float) -> None:
@@ -75,19 +109,34 @@ class Sender:
             self.publisher.wait_for_all_acked(Duration(seconds=seconds))
 
 
-def receive(node: Node, topic: str, callback: Receive, qos: QoSProfile = LATEST) -> str:
-    """Subscribe ``callback(value, info)`` to a topic and return its full name."""
+def receive(
+    node: Node,
+    topic: str,
+    callback: Receive,
+    qos: QoSProfile = LATEST,
+    *,
+    silence: bytes | None = OK,
+    sole: bool = False,
+) -> Input:
+    """Subscribe ``callback(value, info)`` to a topic."""
+    qos = copy.copy(qos)  # rclpy writes overrides into it
+    heard = Input(topic=node.resolve_topic_name(topic), qos=qos, silence=silence, sole=sole)
 
     @with_info
     def call(data: bytes, info: Info) -> None:
+        heard.count += 1
         callback(_number(data), info)
 
-    qos = copy.copy(qos)  # rclpy writes overrides into it
-    subscription = node.create_subscription(
-        Float64, topic, call, qos, qos_overriding_options=_overridable(topic, qos), raw=True
+    heard.subscription = node.create_subscription(
+        Float64,
+        topic,
+        call,
+        qos,
+        event_callbacks=SILENT,
+        qos_overriding_options=_overridable(topic, qos),
+        raw=True,
     )
-    name: str = subscription.topic_name
-    return name
+    return heard
 
 
 def with_info(callback: Callable[[Any, Info], None]) -> Callable[..., None]:

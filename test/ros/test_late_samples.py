@@ -47,6 +47,6 @@ def test_a_sensor_slower_than_max_dt_is_told(make_probe: Make) -> None:
             measure(now)
             last[0] = now
         level, message, _ = probe.said()[-1] if probe.said() else (b'', '', {})
-        return level == WARN and message.endswith('; the last sample only restarted the observers')
+        return level == WARN and '; the last sample only restarted the observers' in message
 
     probe.wait_until(told)

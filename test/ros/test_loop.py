@@ -12,7 +12,7 @@ from typing import Any
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
+from nadrc_ros.nodes.diagnostics import ERROR, WARN
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.nodes.runtime import make_executor
@@ -34,6 +34,7 @@ CONTROL: dict[str, Any] = {
     'rate': RATE,
     'plant_order': 1,
     'b0': 1.0,
+    'inner_bandwidth': 30.0,  # 0.3 of the rate
     'command_max': 20.0,
     'command_min': -20.0,
 }
@@ -164,7 +165,7 @@ def test_p07_silence_of_measurements_ends_at_safe_and_p04_good_ones_end_that(
         good_samples=5,
     )
     probe.wait_until(lambda: commands and abs(commands[-1] + 5.0) < 0.5)
-    probe.wait_until(lambda: probe.said() and probe.said()[-1][0] == OK)
+    probe.wait_until(lambda: probe.said() and probe.said()[-1][2]['mode'] == 'ok')
     plant.signal(signal.SIGSTOP)
     probe.wait_until(lambda: commands[-1] == -2.0)
     fault = [v['cause'] for level, _, v in probe.said() if level == ERROR]
@@ -173,7 +174,7 @@ def test_p07_silence_of_measurements_ends_at_safe_and_p04_good_ones_end_that(
     probe.wait_until(lambda: len(commands) > n + 5)
     assert set(commands[n:]) == {-2.0}  # it goes on sending
     plant.signal(signal.SIGCONT)
-    probe.wait_until(lambda: abs(commands[-1] + 5.0) < 0.5 and probe.said()[-1][0] == OK)
+    probe.wait_until(lambda: abs(commands[-1] + 5.0) < 0.5 and probe.said()[-1][2]['mode'] == 'ok')
     modes = [f'{v["mode"]} {v["cause"]}' for _, _, v in probe.said()]
     changes = [mode for i, mode in enumerate(modes) if i == 0 or modes[i - 1] != mode]
     lost = 'measurement_timeout'

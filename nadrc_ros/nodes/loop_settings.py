@@ -1,0 +1,34 @@
+"""How the controller node is wired into the graph, beside its pacing and the law."""
+
+from __future__ import annotations
+
+import attrs
+from nadrc_ros.adrc.fields import choice, flag, integer, text
+
+
+@attrs.frozen(kw_only=True)
+class LoopSettings:
+    """How the controller is wired into the graph; fixed at start."""
+
+    trigger: str = choice(
+        'timer',
+        ('timer', 'measurement'),
+        'what starts a step: a fixed-rate timer, or each received measurement',
+        live=False,
+    )
+    enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
+    share_command: bool = flag(
+        False,
+        'whether to command beside another node; if not, who comes second is disabled',
+        live=False,
+    )
+    estimate_divisor: int = integer(
+        1,
+        1,
+        10000,
+        'estimates are published with every N-th command; lockstep publishes all',
+        live=False,
+    )
+    trace: str = text(
+        '', 'new file for one record per step, from which the run can be replayed', live=False
+    )

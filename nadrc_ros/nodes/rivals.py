@@ -1,0 +1,157 @@
+"""Whether somebody else commands: heard before the first command, and from then on."""
+
+from __future__ import annotations
+
+from collections import deque
+from math import inf
+import time
+
+from nadrc_ros.nodes.diagnostics import ERROR
+from nadrc_ros.nodes.inputs import publisher_name
+from nadrc_ros.nodes.remarks import Remarks
+from nadrc_ros.nodes.topics import Info, Input, receive, Sender
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+# Before the first command it is listened for so long [s], in which most others are discovered.
+LISTEN = 0.3
+# Fast DDS may discover another only with its next announcement, which it sends every 3 s. Who
+# started so short ago [s] gives way.
+PROBATION = 5.0
+# A command is followed by the next after so many of their intervals, or after so long [s].
+INTERVALS, SHORTEST, LONGEST = 3.0, 0.1, 3.0
+# So many of our own commands can be on their way.
+OWN = 64
+HEAR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Rivals:
+    """
+    Listens for commands that are not ours on the topic of our commands.
+
+    Only what is published counts, not who could: a controller that is disabled stays on the graph
+    to take over later, and one that was killed for 20 s. It is listened while there is another
+    publisher or we are silent, so that a controller that is alone does not hear itself.
+
+    Parameters
+    ----------
+    node
+        The controller.
+    sender
+        Of its commands.
+    remarks
+        Where it is said.
+    shared
+        Whether others may command too: then nothing is listened to, and nobody gives way.
+
+    Attributes
+    ----------
+    listening
+        Whether it is too early for the first command.
+    gave_way
+        Whether nothing may be sent until somebody enables us.
+    hearing
+        Whether own commands have to be told to :meth:`sent`.
+
+    """
+
+    def __init__(self, node: Node, sender: Sender, remarks: Remarks, *, shared: bool) -> None:
+        self.listening = not shared
+        self.gave_way = False
+        self.hearing = False
+        self._node = node
+        self._sender = sender
+        self._remarks = remarks
+        self._shared = shared
+        self._began = time.monotonic()
+        self._input: Input | None = None
+        self._own: deque[tuple[int | None, float]] = deque(maxlen=OWN)
+        self._last, self._interval = -inf, inf
+        if not shared:
+            self._hear(True)
+
+    def sent(self, value: float) -> None:
+        """Note a command of our own."""
+        self._own.append((self._sender.count, value))
+
+    def look(self, idle: bool) -> bool:
+        """
+        Return whether we have to give way now; to be called some times per second.
+
+        ``idle`` tells whether we are disabled and silent.
+        """
+        age = time.monotonic() - self._began
+        if self._shared or age < LISTEN:
+            return False
+        self.listening = False
+        self._hear(idle or self._node.count_publishers(self._sender.topic) > 1)
+        if self.commanding and not idle and not self.gave_way:
+            return self._meet(age)
+        self._remarks.set('rivals', '')
+        return False
+
+    @property
+    def mute(self) -> bool:
+        """Tell whether nothing is sent because of others."""
+        return self.listening or self.gave_way
+
+    @property
+    def commanding(self) -> bool:
+        """Tell whether somebody else commands."""
+        silence = time.monotonic() - self._last
+        return silence < min(LONGEST, max(SHORTEST, INTERVALS * self._interval))
+
+    def refusal(self) -> str:
+        """Return why we cannot take over, empty if we can."""
+        if not self.commanding:
+            return ''
+        return f'{self._who()} commands on {self._sender.topic}: disable it first, and ask again'
+
+    def settle(self, enabled: bool) -> None:
+        """Note that somebody decided whether we command."""
+        self.gave_way = self.gave_way and not enabled
+        self._remarks.set('gave way', '')
+
+    def _meet(self, age: float) -> bool:
+        topic = self._sender.topic
+        if age > PROBATION + LISTEN:
+            text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
+            self._remarks.set('rivals', text, ERROR)
+            return False
+        self.gave_way = True
+        self._remarks.set(
+            'gave way',
+            f'{self._who()} commands on {topic}: this controller is disabled and silent; to take '
+            'over, disable the other one and call ~/enable, or start with share_command',
+            ERROR,
+        )
+        return True
+
+    def _hear(self, wanted: bool) -> None:
+        if wanted == self.hearing:
+            return
+        self.hearing = wanted
+        if wanted:
+            self._input = receive(self._node, 'command', self._take, HEAR)
+        elif self._input is not None:
+            self._node.destroy_subscription(self._input.subscription)
+
+    def _take(self, value: float, info: Info) -> None:
+        if not self.hearing:  # the executor still had that one
+            return
+        number = info['publication_sequence_number']
+        if number is None:  # this middleware does not number
+            ours = any(value == own for _, own in self._own)
+        else:
+            ours = (number, value) in self._own
+        if not ours:
+            now = time.monotonic()
+            self._interval, self._last = now - self._last, now
+
+    def _who(self) -> str:
+        there = self._node.get_publishers_info_by_topic(self._sender.topic)
+        names = sorted(map(publisher_name, there))
+        own = self._node.get_fully_qualified_name()
+        if own in names:
+            names.remove(own)
+        return ' or '.join(names) or 'somebody unknown'

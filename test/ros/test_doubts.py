@@ -1,0 +1,147 @@
+"""What a controller can know of a wrong setup: said when it is so, and not when it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.diagnostics import OK, WARN
+from nadrc_ros.nodes.doubts import Doubts
+from nadrc_ros.nodes.remarks import AGAIN, Remarks
+from nadrc_ros.nodes.topics import Input, LATEST
+import pytest
+from rclpy.logging import get_logger
+
+RATE = 100.0
+GIVEN = ('b0', 'command_min', 'command_max')
+GOOD: dict[str, Any] = {
+    'plant_order': 1,
+    'inner_bandwidth': 30.0,
+    'outer_bandwidth': 30.0,
+    'command_min': -10.0,
+    'command_max': 10.0,
+}
+
+
+class Loop:
+    """A controller on an integrator with a load, looked at once per second."""
+
+    def __init__(self, given: tuple[str, ...] = GIVEN, **settings: Any) -> None:
+        self.controller = Controller(ControllerSettings(**{**GOOD, **settings}))
+        self.remarks = Remarks(get_logger('loop'))
+        self.doubts = Doubts(self.controller, RATE, given, self.remarks)
+        derivatives = self.controller.settings.received_derivatives
+        names = ('/reference', '/reference/rate', '/reference/acceleration')[: 1 + derivatives]
+        self.references = [Input(topic=n, qos=LATEST, silence=OK, sole=True) for n in names]
+        self.y = 0.0
+
+    def run(
+        self,
+        seconds: int,
+        reference: Callable[[float], float] | None = None,
+        *,
+        gain: float = 1.0,
+        leak: float = 0.0,
+        every: int = 1,
+    ) -> str:
+        """Let time pass with a sample in each so many periods, and return the remarks."""
+        for k in range(round(seconds * RATE)):
+            r = None if reference is None else [reference(k / RATE)]
+            sampled = k % every == 0
+            y, dt = (self.y, every / RATE) if sampled else (float('nan'), 0.0)
+            u = self.controller.tick(y, dt, elapsed=1.0 / RATE, reference=r)
+            self.y += (gain * u - leak * self.y - 3.0) / RATE
+            if k % RATE == 0:
+                self.doubts.look(every / RATE, self.references)
+        return self.remarks.added_to(OK, '')[1]
+
+
+def test_a_loop_that_is_well_gets_no_remark() -> None:
+    assert Loop().run(20, lambda t: float(t > 5)) == ''
+
+
+@pytest.mark.parametrize('leak', [0.0, 0.5])
+def test_a_wrong_sign_of_b0_is_suspected_when_the_error_grows_at_a_limit(leak: float) -> None:
+    said = Loop().run(20, lambda t: 1.0, gain=-1.0, leak=leak)
+    assert 'the error grew' in said and 'wrong sign of b0' in said
+
+
+def test_a_saturated_loop_whose_error_shrinks_is_not_suspected() -> None:
+    assert Loop().run(20, lambda t: 1000.0) == ''
+
+
+def test_a_reference_that_was_forgotten_is_told_and_what_is_held() -> None:
+    loop = Loop(good_samples=1)
+    loop.y = 1.25
+    assert loop.run(3) == ''
+    assert loop.run(3) == '; no reference yet: holding 1.25, as none comes on /reference'
+    assert loop.run(2, lambda t: 1.0) == ''
+
+
+@pytest.mark.parametrize(
+    ('settings', 'said'),
+    [
+        ({'inner_bandwidth': 400.0}, 'inner_bandwidth / rate = 4, above 0.3'),
+        ({'outer_bandwidth': 50.0}, 'outer_bandwidth / rate = 0.5, above 0.3'),
+        ({'outer_bandwidth': 50.0, 'structure': 'conventional'}, ''),
+    ],
+)
+def test_observers_that_are_too_fast_for_the_rate_are_told(
+    settings: dict[str, Any], said: str
+) -> None:
+    loop = Loop(**settings)
+    assert loop.run(1, lambda t: 0.0).removeprefix('; ') == said
+    loop.controller.retune(ControllerSettings(**GOOD))
+    assert loop.run(2, lambda t: 0.0) == ''
+
+
+def test_a_plant_that_nobody_described_is_told() -> None:
+    loop = Loop(given=(), command_min=-100.0)
+    assert loop.run(1) == '; b0 = 1, command_min = -100: by default, and not of your plant'
+    assert Loop(given=('b0',), command_min=-100.0).run(1) == ''
+    loop.controller.retune(ControllerSettings(**GOOD, b0=2.0))
+    assert loop.run(2) == ''
+
+
+@pytest.mark.parametrize(
+    ('settings', 'short'),
+    [
+        ({}, 'measurement_timeout = 0.25 and max_dt = 0.5'),
+        ({'measurement_timeout': 0.0}, 'max_dt = 0.5'),
+        ({'max_dt': 2.0}, 'measurement_timeout = 0.25'),
+    ],
+)
+def test_a_sensor_too_slow_for_the_timeouts_is_told_with_what_would_do(
+    settings: dict[str, Any], short: str
+) -> None:
+    said = Loop(**settings).run(8, lambda t: 0.0, every=100)
+    assert f'measurements come every 1 s, too seldom for {short}: 3 s would do' in said
+    assert Loop(measurement_timeout=3.0, max_dt=3.0).run(8, lambda t: 0.0, every=100) == ''
+
+
+def test_a_moving_reference_without_derivatives_is_news(capfd: pytest.CaptureFixture[str]) -> None:
+    for error_based, count in ((False, 0), (True, 0), (False, 1)):
+        loop = Loop(error_based=error_based)
+        loop.references[1].count = count
+        assert loop.run(8, lambda t: t) == ''
+        told = 'nothing comes on /reference/rate: it is followed late' in capfd.readouterr().err
+        assert told == (not error_based and not count)
+    Loop().run(8, lambda t: float(t > 3))
+    assert 'followed late' not in capfd.readouterr().err
+
+
+def test_a_remark_is_logged_when_it_is_new_and_not_each_time_it_comes_and_goes(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    time = [0.0]
+    remarks = Remarks(get_logger('remarks'), lambda: time[0])
+    for _ in range(100):
+        for text in ('it is 1', 'it is 2', ''):
+            remarks.set('it', text)
+    assert capfd.readouterr().err.count('it is') == 1
+    time[0] = AGAIN + 1.0
+    remarks.set('it', 'it is 3')
+    assert capfd.readouterr().err.count('it is 3') == 1
+    assert remarks.added_to(OK, 'well') == (WARN, 'well; it is 3')

@@ -1,0 +1,146 @@
+"""Who commands: a second controller does not take over from one that does, and a standby can."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import signal
+from typing import Any
+
+from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.nodes import rivals
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.diagnostics import ERROR, OK
+from nadrc_ros.nodes.plant import PlantNode
+from probe import Probe, Processes
+import pytest
+
+Make = Callable[..., Probe]
+RATE = 50.0
+PLANT: dict[str, Any] = {'rate': RATE, 'plant': 'chain', 'order': 1}
+CONTROL: dict[str, Any] = {
+    'rate': RATE,
+    'plant_order': 1,
+    'b0': 1.0,
+    'inner_bandwidth': 15.0,
+    'outer_bandwidth': 15.0,
+    'safe_command': 1.5,
+}
+THEIRS = 7.25
+TWICE_A_SECOND = 0.5
+
+
+def rival(probe: Probe, period: float = 0.02) -> Any:
+    """Let the probe command, and return the timer that does it."""
+    command = probe.publisher('command')
+    return probe.node.create_timer(period, lambda: command(THEIRS))
+
+
+def test_who_is_second_does_not_send_a_single_command_until_enabled(probe: Probe) -> None:
+    commands, timer = probe.listen('command'), rival(probe)
+    probe.wait_until(lambda: len(commands) > 2)
+    probe.add(PlantNode(parameters=PLANT))
+    node = probe.add(ControllerNode(parameters=CONTROL))
+    probe.wait_until(lambda: not node.controller.enabled)
+    probe.wait_until(lambda: probe.said() and probe.said()[-1][0] == ERROR)
+    topic = f'{probe.namespace}/command'
+    told = f'{probe.namespace}/probe commands on {topic}: this controller is disabled and silent'
+    assert told in probe.said()[-1][1]
+    answer = probe.enable()
+    assert not answer.success
+    assert answer.message.startswith(f'{probe.namespace}/probe commands on {topic}: disable it')
+    assert set(commands) == {THEIRS}
+    timer.cancel()
+    probe.wait_until(lambda: probe.enable().success)
+    probe.wait_until(lambda: node.controller.mode == Mode.OK)
+    assert commands[commands.index(1.5) :].count(THEIRS) == 0
+    probe.wait_until(lambda: probe.said()[-1][0] != ERROR)
+
+
+def test_who_began_shortly_before_it_hears_another_gives_way_and_is_silent_at_once(
+    probe: Probe,
+) -> None:
+    """Discovery may take three seconds."""
+    commands = probe.listen('command')
+    node = probe.add(ControllerNode(parameters=CONTROL))
+    probe.wait_until(lambda: len(commands) > 2)
+    timer = rival(probe, TWICE_A_SECOND)
+    probe.wait_until(lambda: not node.controller.enabled)
+    n = len(commands)
+    probe.wait_until(lambda: len(commands) > n + 2)
+    assert set(commands[n:]) == {THEIRS}
+    node.begin_stop()
+    assert node.stopped
+    node.close()
+    timer.cancel()
+    probe.spin(0.1)
+    assert set(commands[n:]) == {THEIRS}
+
+
+def test_one_that_is_in_control_stays_so_and_both_are_told(
+    probe: Probe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rivals, 'PROBATION', 0.0)
+    node = probe.add(ControllerNode(parameters=CONTROL))
+    probe.add(PlantNode(parameters=PLANT))
+    probe.wait_until(lambda: node.controller.mode == Mode.OK)
+    timer = rival(probe)
+    told = f'{probe.namespace}/probe commands on {probe.namespace}/command too'
+    probe.wait_until(lambda: told in probe.said()[-1][1] and probe.said()[-1][0] == ERROR)
+    assert node.controller.mode == Mode.OK and node.controller.enabled
+    timer.cancel()
+    probe.wait_until(lambda: 'too' not in probe.said()[-1][1])
+
+
+def test_a_standby_takes_over_when_the_other_is_disabled_and_nobody_complains(
+    probe: Probe,
+) -> None:
+    probe.add(PlantNode(parameters=PLANT))
+    first = probe.add(ControllerNode(parameters=CONTROL))
+    standby = CONTROL | {'enabled_at_start': False}
+    second = probe.add(ControllerNode(parameters=standby, node_name='standby'))
+    probe.wait_until(lambda: first.controller.mode == Mode.OK)
+    for active, other in ((first, second), (second, first), (first, second)):
+        assert active.enable()[0]
+        probe.wait_until(lambda: other._rivals.commanding)  # noqa: B023
+        probe.spin(0.3)  # what is subscribed and destroyed in each turn
+        refused, why = other.enable()
+        assert not refused and f'{active.get_fully_qualified_name()} commands on' in why
+        assert active.enable(False)[0]
+        probe.wait_until(lambda: not other._rivals.commanding)  # noqa: B023
+    levels = {level for name in ('controller', 'standby') for level, _, _ in probe.said(name)}
+    assert ERROR not in levels
+
+
+def test_one_that_shares_the_command_on_purpose_begins_at_once(probe: Probe) -> None:
+    commands, timer = probe.listen('command'), rival(probe)
+    probe.wait_until(lambda: len(commands) > 2)
+    node = probe.add(ControllerNode(parameters=CONTROL | {'share_command': True}))
+    probe.wait_until(lambda: 1.5 in commands)
+    assert node.controller.enabled
+    timer.cancel()
+
+
+def test_one_that_was_killed_is_no_rival_though_the_graph_knows_it_still(
+    probe: Probe, start: Processes
+) -> None:
+    probe.add(PlantNode(parameters=PLANT | {'command_timeout': 0.5}))
+    killed = start('controller', **CONTROL)
+    probe.wait_until(lambda: probe.said() and probe.said()[-1][2]['mode'] == 'ok')
+    killed.signal(signal.SIGKILL)
+    killed.end()
+    again = start('controller', '-r', '__node:=again', **CONTROL)
+    probe.wait_until(lambda: probe.said('again') and probe.said('again')[-1][2]['mode'] == 'ok')
+    assert 'commands on' not in again.said
+    assert probe.said('again')[-1][0] == OK
+
+
+def test_stopped_before_its_first_command_it_sends_none(probe: Probe) -> None:
+    commands = probe.listen('command')
+    node = ControllerNode(parameters=CONTROL)
+    assert node._rivals.listening
+    node.begin_stop()
+    assert node.stopped
+    node.close()
+    probe.spin(0.2)
+    assert commands == []
+    node.destroy_node()
