@@ -41,7 +41,7 @@ def node_parameters(
         'plant_class': scenario.plant.class_name,
         'initial_state': list(scenario.initial_state),
         'safe_command': settings.safe_command,
-        'command_timeout': max(PlantSettings().command_timeout, PATIENCE / scenario.rate),
+        'command_timeout': command_timeout(scenario.rate),
         'noise_variance': scenario.noise.variance,
         'noise_sample_time': scenario.noise.sample_time,
         'seed': scenario.noise.seed,
@@ -66,6 +66,11 @@ def node_parameters(
         node: parameters | pacing(node, settings, scenario.rate, steps)
         for node, parameters in nodes.items()
     }
+
+
+def command_timeout(rate: float) -> float:
+    """Return how long [s] a plant waits for commands that come at ``rate`` [Hz]."""
+    return max(PlantSettings().command_timeout, PATIENCE / rate)
 
 
 def recorder_parameters(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from threading import RLock
 import time
 
 from nadrc_ros.nodes.pacing import PacingSettings
@@ -83,6 +84,8 @@ class Lockstep:
     ) -> None:
         self.fired = 0
         self.on_fired: Callable[[], None] = lambda: None
+        # Who lets it go on is not always the thread of the executor.
+        self._lock = RLock()
         self._until = pacing.steps
         self._node = node
         self._pacing = pacing
@@ -151,14 +154,15 @@ class Lockstep:
         self._drain()
 
     def _drain(self) -> None:
-        while self._may_fire and all(self._queues):
-            self._last = time.monotonic()
-            values = [queue.popleft() for queue in self._queues]
-            self.fired += 1
-            self._fire(values)
-            if self.complete:
-                self._node.finished = True
-            self.on_fired()
+        with self._lock:
+            while self._may_fire and all(self._queues):
+                self._last = time.monotonic()
+                values = [queue.popleft() for queue in self._queues]
+                self.fired += 1
+                self._fire(values)
+                if self.complete:
+                    self._node.finished = True
+                self.on_fired()
 
     @property
     def _may_fire(self) -> bool:

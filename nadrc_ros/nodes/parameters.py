@@ -15,7 +15,11 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterAlreadyDeclaredException,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -176,6 +180,9 @@ def _declare(node: Node, name: str, field: Declared) -> Any:
     """Declare a parameter and return its value; rclpy's own refusal does not say what may be."""
     try:
         return node.declare_parameter(name, _default(field), _describe(field)).value
+    except ParameterAlreadyDeclaredException:
+        allowed = f'called otherwise: {node.get_name()} has a parameter of this name already'
+        raise SettingError(name, field.default, allowed) from None
     except (InvalidParameterTypeException, InvalidParameterValueException):
         given = node._parameter_overrides[name]
         allowed = field.allowed()

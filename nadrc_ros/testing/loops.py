@@ -14,7 +14,7 @@ from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.domain import private_domain
-from nadrc_ros.nodes.graph import node_parameters, pacing, recorder_parameters
+from nadrc_ros.nodes.graph import command_timeout, node_parameters, pacing, recorder_parameters
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
@@ -103,7 +103,7 @@ def loop(
     with _Maker(executor, namespace, directory) as make:
         # Who reads what a plant sends does not depend on the controller.
         paced = pacing('plant', ControllerSettings(), rate, steps)
-        made = make.node(cls, values | paced)
+        made = make.node(cls, {'command_timeout': command_timeout(rate)} | values | paced)
         model = made.process.plant
         given = {'plant_order': model.order, 'b0': float(model.b0), **given}
         known = {name: given[name] for name in declared(ControllerSettings) if name in given}

@@ -135,30 +135,28 @@ class RunningLoop:
         """
 
         def look() -> Any:
-            for node in self._nodes.values():
-                if node.failure:
-                    raise GraphError(f'{node.get_fully_qualified_name()}: {node.failure}')
-            for lockstep in self._locked.values():  # a debugger, or the caller, may have kept us
-                lockstep.go_on()
+            self._excuse()
             return condition()
 
-        return spin_until(self.executor, look, timeout, done)
+        return self._wait(look, timeout, done)
 
     def run_until(self, time: float) -> None:
         """
         Go on to the first period at or after ``time`` [s].
 
-        In lockstep all that belongs to the periods before has happened then, and nothing else.
+        In lockstep all that belongs to the periods before has happened then, and nothing else. In
+        real time that moment may be over already.
 
         Raises
         ------
         SettingError
-            For a time that is past, or after the end.
+            For a time after the end, and in lockstep for one that is past.
         TimeoutError, GraphError
             When the loop does not get there.
 
         """
-        if not self.time <= time <= self.duration:
+        begin = self.time - 1.0 / self.rate if self._locked else -inf
+        if not begin < time <= self.duration:
             raise SettingError('time', time, f'from {self.time:g}, now, to {self.duration:g} s')
         while self._retunes and self._retunes[0].time <= time:
             retune = self._retunes.pop(0)
@@ -246,12 +244,29 @@ class RunningLoop:
         for other in self._others:
             other.destroy_node()
 
+    def _wait(self, condition: Callable[[], Any], timeout: float, done: Future | None) -> Any:
+        def look() -> Any:
+            for node in self._nodes.values():
+                if node.failure:
+                    raise GraphError(f'{node.get_fully_qualified_name()}: {node.failure}')
+            return condition()
+
+        return spin_until(self.executor, look, timeout, done)
+
+    def _excuse(self) -> None:
+        """Blame nobody for the time in which the loop stood still, or the caller kept us."""
+        for lockstep in self._locked.values():
+            lockstep.go_on()
+
     def _go_to(self, k: int) -> None:
+        """Go on to period ``k``, or to the end."""
+        end = round(self.duration * self.rate)
+        k = min(k, end)
         timeout = PATIENCE + 3.0 * max(0, k - self.plant.process.k) / self.rate
         if not self._locked:
-            self.wait_until(lambda: self.plant.process.k >= k, timeout)
+            self._wait(lambda: self.plant.process.k >= k, timeout, None)
             return
-        end = self.controller.pacing.steps
+        self._excuse()
         # The reference sends r_k in answer to the measurement before: also that is left for later.
         firings = {name: k if name != 'reference' or k == end else k - 1 for name in self._locked}
         for name in ('controller', 'reference'):
@@ -265,7 +280,7 @@ class RunningLoop:
         for each in self._locked.values():
             each.on_fired = look
         look()
-        self.wait_until(there.done, timeout, there)
+        self._wait(there.done, timeout, there)
 
     def _missing(self) -> str:
         """Return what a loop in real time still waits for, empty when it can begin."""

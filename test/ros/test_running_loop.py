@@ -272,6 +272,26 @@ def test_a_change_that_is_refused_changes_nothing_and_time_only_goes_on() -> Non
     assert_same(result, simulated(0.2, Tank()))
 
 
+def test_a_duration_between_two_periods_and_a_slow_rate_are_no_obstacle() -> None:
+    slow = {'measurement_timeout': 1.0, 'max_dt': 1.0, 'inner_bandwidth': 1.0}
+    with loop(plant=Tank, controller=slow, rate=5.0, duration=1.23, lockstep=True) as run:
+        run.run_until(0.35)
+        run.run_until(0.37)  # still before the same period
+        assert run.time == 0.4
+        assert len(run.finish().time) == 6
+
+
+class Clashing(Tank):
+    def __init__(self, seed: float = 1.0) -> None:
+        super().__init__(gain=seed)
+
+
+def test_a_coefficient_with_the_name_of_another_parameter_is_refused_by_name() -> None:
+    said = r'seed = .*: must be called otherwise'
+    with pytest.raises(SettingError, match=said), loop(plant=Clashing):
+        pass
+
+
 def test_a_node_that_fails_is_named() -> None:
     with pytest.raises(GraphError, match='controller: on purpose'), tank(0.2) as run:
         run.controller.fail('on purpose')
