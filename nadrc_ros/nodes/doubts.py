@@ -56,7 +56,7 @@ class Doubts:
         ``spacing`` is the time between the last two samples [s], ``references`` are the inputs of
         the reference and its derivatives.
         """
-        controller, say = self._controller, self._remarks.set
+        controller, say = self._controller, self._remarks.put
         topic, *derivatives = (each.topic for each in references)
         settings, in_control = controller.settings, controller.mode == Mode.OK
         say('bandwidth', self._of_bandwidths(settings))

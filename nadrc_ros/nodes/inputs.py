@@ -96,7 +96,7 @@ class InputWatch:
         several = self._node.count_publishers(topic) > 1
         names = self._publishers(topic) if several else []
         text = f'several publishers of {topic}: {", ".join(names)}'
-        self._remarks.set(f'several {topic}', text if several else '')
+        self._remarks.put(f'several {topic}', text if several else '')
 
     def _why(self, each: Input) -> tuple[str, bool]:
         """Return why nothing comes, and whether that is a mistake whatever the input is for."""

@@ -32,7 +32,7 @@ class Remarks:
         self._held: dict[str, tuple[bytes, str]] = {}
         self._logged: dict[str, float] = {}
 
-    def set(self, name: str, text: str, level: bytes = WARN) -> None:
+    def put(self, name: str, text: str, level: bytes = WARN) -> None:
         """Let a remark hold, or none of this name where ``text`` is empty; log what is new."""
         new = text and name not in self._held
         if new and self._now() - self._logged.get(name, -inf) > AGAIN:

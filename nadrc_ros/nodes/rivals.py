@@ -87,7 +87,7 @@ class Rivals:
         self._hear(idle or self._node.count_publishers(self._sender.topic) > 1)
         if self.commanding and not idle and not self.gave_way:
             return self._meet(age)
-        self._remarks.set('rivals', '')
+        self._remarks.put('rivals', '')
         return False
 
     @property
@@ -110,16 +110,16 @@ class Rivals:
     def settle(self, enabled: bool) -> None:
         """Note that somebody decided whether we command."""
         self.gave_way = self.gave_way and not enabled
-        self._remarks.set('gave way', '')
+        self._remarks.put('gave way', '')
 
     def _meet(self, age: float) -> bool:
         topic = self._sender.topic
         if age > PROBATION + LISTEN:
             text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
-            self._remarks.set('rivals', text, ERROR)
+            self._remarks.put('rivals', text, ERROR)
             return False
         self.gave_way = True
-        self._remarks.set(
+        self._remarks.put(
             'gave way',
             f'{self._who()} commands on {topic}: this controller is disabled and silent; to take '
             'over, disable the other one and call ~/enable, or start with share_command',

@@ -142,9 +142,9 @@ def receive(
 def with_info(callback: Callable[[Any, Info], None]) -> Callable[..., None]:
     """Return a callback of a message and its info that works on every executor."""
 
-    # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
     @functools.wraps(callback)
     def call(*args: Any) -> None:
+        # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
         message, info = args if len(args) == 2 else args[0]
         callback(message, info)
 

@@ -139,9 +139,9 @@ def test_a_remark_is_logged_when_it_is_new_and_not_each_time_it_comes_and_goes(
     remarks = Remarks(get_logger('remarks'), lambda: time[0])
     for _ in range(100):
         for text in ('it is 1', 'it is 2', ''):
-            remarks.set('it', text)
+            remarks.put('it', text)
     assert capfd.readouterr().err.count('it is') == 1
     time[0] = AGAIN + 1.0
-    remarks.set('it', 'it is 3')
+    remarks.put('it', 'it is 3')
     assert capfd.readouterr().err.count('it is 3') == 1
     assert remarks.added_to(OK, 'well') == (WARN, 'well; it is 3')

@@ -92,11 +92,12 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     probe.wait_until(lambda: probe.readers('measurement') and probe.readers('command'))
     probe.wait_until(lambda: source in recorder._watch.known)
     probe.wait_until(lambda: f'{probe.namespace}/mute' in recorder._watch._sources)
+    losses = recorder.intake.losses
     for k in range(5):
         measure(float(k))
-        probe.wait_until(lambda: recorder.intake.losses['measurement'].newest == k + 1)  # noqa: B023
+        probe.wait_until(lambda: losses['measurement'].newest == k + 1)  # noqa: B023
         command(-float(k))
-        probe.wait_until(lambda: recorder.intake.losses['command'].newest == k + 1)  # noqa: B023
+        probe.wait_until(lambda: losses['command'].newest == k + 1)  # noqa: B023
     probe.node.set_parameters([Parameter('gain', value=2.0)])
     probe.wait_until(lambda: recorder._watch.known[source]['gain'] == 2.0)
     assert probe.trigger('recorder/reset').success

@@ -282,6 +282,8 @@ def test_a_duration_between_two_periods_and_a_slow_rate_are_no_obstacle() -> Non
 
 
 class Clashing(Tank):
+    """A plant that takes a name which the node has already."""
+
     def __init__(self, seed: float = 1.0) -> None:
         super().__init__(gain=seed)
 
