@@ -50,7 +50,7 @@ def test_a_row_of_a_bag_is_a_measurement_and_the_command_that_acted_until_the_ne
         assert run.columns['command'].tolist() == [-2.0, -3.0, -4.0, -5.0]
         assert run.columns['level_2'].tolist() == [4.0, 5.0, 5.0, 5.0]
         assert run.columns['output'].tolist() == [2.5] * 4
-        np.testing.assert_array_equal(run.columns['reference'], [nan, 7.0, 7.0, 7.0])
+        np.testing.assert_array_equal(run.columns['reference'], [nan, nan, 7.0, 7.0])
         assert run.summary == {} and 'level_1' not in run.columns
 
 
@@ -109,6 +109,34 @@ def test_the_rate_of_a_bag_is_right_with_jitter_and_lost_measurements(tmp_path: 
     times = [k / 125.0 + rng.uniform(0.0, 2e-3) for k in range(500) if k % 9]
     loop = {name: [(t, 1.0) for t in times] for name in ('/measurement', '/command')}
     assert read_run(write_bag(tmp_path / 'bag', loop)).rate == pytest.approx(125.0, rel=1e-3)
+
+
+def test_a_reference_is_that_at_the_measurement_of_its_row(tmp_path: Path) -> None:
+    """Between samples where it moves, held where it steps or is sent now and then."""
+    rng = np.random.default_rng(2)
+    times = np.arange(500) * H
+    sent = times + rng.uniform(0.0, 0.9 * H, 500) - 0.5 * H  # by a timer of any phase, late or not
+    moving = [*zip(sent[:100], np.sin(sent[:100])), *zip(sent[104:], np.sin(sent[104:]))]
+    steps = [(t, float(t > 2.0)) for t in sent]
+    seldom = [(0.0, 1.0), (2.005, 2.0), (3.505, 5.0)]
+    for number, reference in enumerate((moving, steps, seldom)):
+        loop = {'/reference': [(1.0 + t, r) for t, r in reference]}
+        loop |= {name: [(1.0 + t, 0.0) for t in times] for name in ('/measurement', '/command')}
+        run = read_run(write_bag(tmp_path / str(number), loop))
+        found = run.columns['reference'][2:-2]
+        if reference is moving:
+            np.testing.assert_allclose(found, np.sin(times[2:-2]), atol=1e-3)
+        else:
+            assert set(found) == {r for _, r in reference}
+
+
+def test_a_bag_with_a_gap_has_the_figures_of_its_times(tmp_path: Path) -> None:
+    times = [*np.arange(0, 2, H), *np.arange(3, 5, H)]
+    loop = {name: [(1.0 + t, 0.0) for t in times] for name in ('/measurement', '/command')}
+    loop['/reference'] = [(0.9, 1.0)]
+    subject = make_subject(read_run(write_bag(tmp_path / 'bag', loop)), History())
+    assert subject.metrics.iae == pytest.approx(4.0)
+    assert subject.gap_time == pytest.approx(1.0)
 
 
 def test_the_loop_is_found_in_its_only_namespace_and_asked_for_among_several(

@@ -8,6 +8,8 @@ import re
 import attrs
 from nadrc_ros.adrc.settings import MAX_LEVELS
 from nadrc_ros.records.recording import ESTIMATES, NEEDED, RecordingError, TRUTH
+from nadrc_ros.records.rows import SLOWER
+from nadrc_ros.records.spacing import GAP
 import numpy as np
 import numpy.typing as npt
 
@@ -105,6 +107,7 @@ def rows_of(stamps: Mapping[str, Array], values: Mapping[str, Array]) -> dict[st
 
     A row belongs to one measurement and holds the last value of every other signal that came
     before the next measurement: zero-order hold, and for the command the one that acted meanwhile.
+    The reference is that at the measurement, as the recorder has it: see :func:`_reference`.
     The first row is the first measurement with a command, at ``time`` 0.
 
     Parameters
@@ -120,5 +123,27 @@ def rows_of(stamps: Mapping[str, Array], values: Mapping[str, Array]) -> dict[st
     for name in (name for name in SIGNALS if name in stamps):
         index = np.searchsorted(stamps[name], ends, 'left') - 1
         columns[name] = np.where(index >= 0, values[name][np.maximum(index, 0)], np.nan)
+    if 'reference' in stamps:
+        columns['reference'] = _reference(grid, stamps['reference'], values['reference'])
     columns['measurement'] = values['measurement']
     return {name: column[first:] for name, column in columns.items()}
+
+
+def _reference(grid: Array, stamps: Array, values: Array) -> Array:
+    """
+    Return a reference at the times of ``grid``, nan before it came.
+
+    Where it moves, and comes about as often as rows do, it lies on the line between two samples;
+    a step, or a setpoint that is sent now and then, is held.
+    """
+    place = np.searchsorted(stamps, grid, 'right') - 1
+    held = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+    usual = float(np.median(np.diff(grid))) if len(grid) > 1 else 0.0
+    if len(stamps) < 3 or np.median(np.diff(stamps)) > SLOWER * usual:
+        return held
+    one = np.clip(place, 1, len(stamps) - 2)
+    span = stamps[one + 1] - stamps[one]
+    moves = (place == one) & (values[one] != values[one - 1]) & (span > 0.0)
+    moves &= (span <= GAP * usual) & np.isfinite(values[one + 1])
+    share = (grid - stamps[one]) / np.where(span > 0.0, span, 1.0)
+    return np.where(moves, values[one] + (values[one + 1] - values[one]) * share, held)

@@ -44,6 +44,8 @@ class Subject:
         What the figures of merit were asked to be.
     metrics
         The figures of merit, from the samples: those of the recorder, to the bit.
+    gap_time
+        Time that no figure counts, as nothing is known of it [s].
     settings
         Of the controller, with the times from which they held; empty where not recorded.
     truth
@@ -58,6 +60,7 @@ class Subject:
     history: History
     figures: RunSettings
     metrics: MetricValues
+    gap_time: float
     settings: Steps[ControllerSettings]
     truth: Array
     referred: bool
@@ -195,7 +198,7 @@ def make_subject(run: RecordedRun, history: History, begin: float | None = None)
     figures = _figures(run, start)
     settings, plant = controller_settings(history), plant_gain(history)
     truth = run.columns.get('total_disturbance', np.full(len(run.columns['time']), np.nan))
-    known = bool(settings and plant)
+    sums, known = _sums(run, figures, start), bool(settings and plant)
     if known:
         gains = [(time, each.b0) for time, each in settings]
         truth = referred(run.columns['time'], run.columns['command'], truth, plant, gains)
@@ -203,7 +206,8 @@ def make_subject(run: RecordedRun, history: History, begin: float | None = None)
         run=run,
         history=history,
         figures=figures,
-        metrics=_metrics(run, figures, start),
+        metrics=sums.values(),
+        gap_time=sums.gap_time,
         settings=settings,
         truth=truth,
         referred=known,
@@ -223,17 +227,17 @@ def _during(run: RecordedRun, history: History) -> History:
 def _figures(run: RecordedRun, start: float) -> RunSettings:
     if (run.path / SETTINGS).is_file():
         return read_settings(run.path)
-    return RunSettings(rate=run.rate, settle_time=START * (float(run.columns['time'][-1]) - start))
+    return RunSettings(settle_time=START * (float(run.columns['time'][-1]) - start))
 
 
-def _metrics(run: RecordedRun, figures: RunSettings, start: float) -> MetricValues:
+def _sums(run: RecordedRun, figures: RunSettings, start: float) -> Figures:
     found = Figures(figures)
     columns = {name: values.tolist() for name, values in run.columns.items()}
     for row in zip(*columns.values()):
         values = dict(zip(columns, row))
         found.add(values['time'] - start, values)
     found.end()
-    return found.values()
+    return found
 
 
 def _names(subjects: Sequence[Subject]) -> list[str]:

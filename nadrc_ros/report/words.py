@@ -119,6 +119,8 @@ def losses(subject: Subject) -> list[str]:
         found.append(f'{subject.gaps} measurements missing')
     if summary.get('complete') is not True and subject.is_folder:
         found.append('the recorder did not end the run, and these are the samples that it saved')
+    if subject.gap_time:
+        found.append(f'{subject.gap_time:.3g} s without a row, which no figure counts')
     if metrics.skipped:
         found.append(f'{metrics.skipped} samples not finite, which no figure counts')
     return found
