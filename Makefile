@@ -83,7 +83,7 @@ lint: $(VENV)/lint ## check style and types
 	python -m ament_pep257.main nadrc_ros
 
 clean: ## remove what was built (.venv stays; `make distclean` removes that too)
-	@rm -rf build install log .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	@rm -rf build install log $(VENV)/bin/nadrc .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
 	find nadrc_ros test -name __pycache__ -prune -exec rm -rf {} +
 
 distclean: clean

@@ -10,8 +10,10 @@ import sys
 
 from nadrc_ros.cli import table
 from nadrc_ros.cli.app import app
+from nadrc_ros.cli.progress import working
 from nadrc_ros.cli.table import print_columns, Row
 import pytest
+import rich.console
 from rich.console import Console
 from rich.text import Text
 from typer.main import get_command
@@ -125,3 +127,12 @@ def test_an_output_that_cannot_be_is_named_by_what_was_asked_for(where: str) -> 
         last = done.output.splitlines()[-1]
         assert done.exit_code == 1 and last.startswith('nadrc: ' + where.removesuffix('/x')), last
         assert '.part' not in last and 'Errno' not in last
+
+
+def test_a_path_in_brackets_is_shown_while_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = StringIO()
+    seen = Console(file=text, force_terminal=True, width=100)
+    monkeypatch.setattr(rich.console, 'Console', lambda **_: seen)
+    with working('reading my [log].csv'):
+        pass
+    assert 'reading my [log].csv' in text.getvalue()

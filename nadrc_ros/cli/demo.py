@@ -86,7 +86,9 @@ def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str
 
     console = Console()
     columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, TextColumn('{task.fields[itae]}'), console=console) as bar:
+    with Progress(
+        *columns, TextColumn('{task.fields[itae]}', markup=False), console=console
+    ) as bar:
         task = bar.add_task('starting the nodes', total=scenario.duration, itae='')
 
         def progress(now: float, itae: dict[str, float]) -> None:

@@ -26,7 +26,11 @@ def working(what: str) -> Iterator[None]:
     if console.is_terminal:
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
+        columns = (
+            SpinnerColumn(),
+            TextColumn('{task.description}', markup=False),
+            TimeElapsedColumn(),
+        )
         with Progress(*columns, console=console, transient=True) as bar:
             bar.add_task(what, total=None)
             yield
@@ -59,7 +63,9 @@ def progress(what: str, total: int, done: int) -> Iterator[Tell]:
         from rich.progress import MofNCompleteColumn, Progress, TextColumn
 
         columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-        with Progress(*columns, TextColumn('{task.fields[note]}'), console=console) as bar:
+        with Progress(
+            *columns, TextColumn('{task.fields[note]}', markup=False), console=console
+        ) as bar:
             task = bar.add_task(what, total=total, completed=done, note='')
 
             def show(done: int, note: str = '') -> None:
