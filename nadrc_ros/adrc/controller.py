@@ -65,7 +65,7 @@ def tick(
     On entering OK the first command equals ``applied``; the law goes on from there. Derivatives of
     a reference older than ``max_dt`` count as 0. At a start ``state`` is written to as well.
     """
-    if not SMALLEST < applied < LARGEST:
+    if not SMALLEST <= applied <= LARGEST:
         applied = design.safe_command
     if not elapsed > 0.0:
         elapsed = 0.0
@@ -223,7 +223,7 @@ class Controller:
         if elapsed > 0.0:
             self._ages = [age + elapsed for age in self._ages]
         referenced = reference is not None and self._take(reference)
-        if applied is None or not SMALLEST < applied < LARGEST:
+        if applied is None or not SMALLEST <= applied <= LARGEST:
             applied = self.command
         gap = self.watch.gap
         command, status, self.watch = tick(
@@ -346,7 +346,7 @@ class Controller:
 
     def _take(self, reference: Sequence[float | None]) -> bool:
         """Keep a received reference with its known derivatives; refuse nonsense, count it."""
-        usable = [value is not None and SMALLEST < value < LARGEST for value in reference]
+        usable = [value is not None and SMALLEST <= value <= LARGEST for value in reference]
         if any(value is not None and not good for value, good in zip(reference, usable)):
             self.counts[Status.BAD_REFERENCE] += 1
         r = reference[0] if usable and usable[0] else None
@@ -360,7 +360,7 @@ class Controller:
         known = 1 + self.settings.received_derivatives
         for i in range(len(self.reference)):
             value = reference[i] if i < min(known, len(reference)) else 0.0
-            if value is not None and SMALLEST < value < LARGEST:
+            if value is not None and SMALLEST <= value <= LARGEST:
                 self.reference[i] = value
                 self._ages[i] = 0.0
         return True

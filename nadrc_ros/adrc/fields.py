@@ -18,8 +18,8 @@ from nadrc_ros.adrc.errors import SettingError
 
 T = TypeVar('T')
 _KEY = 'declared'
-# Nearer to 0 than this a number that must not be 0 is taken as 0: one over it must stay finite.
-TINY = 1e-12
+# Nearer to 0 than this a number that must not be 0 is taken as 0: one over it is a number still.
+TINY = 1e-15
 
 
 @attrs.frozen(kw_only=True)
@@ -39,13 +39,13 @@ class Declared:
     def allowed(self) -> str:
         """Return the allowed values in words."""
         unit = f' {self.unit}' if self.unit else ''
-        span = f'from {self.low:g} to {self.high:g}{unit}' if self.low is not None else ''
+        span = f' from {self.low:g} to {self.high:g}{unit}' if self.low is not None else ''
         if self.kind == 'number':
-            return f'a finite number {span}' + (', not 0' if self.nonzero else '')
+            return f'a finite number{span}' + (', not 0' if self.nonzero else '')
         if self.kind == 'integer':
-            return f'an integer {span}'
+            return f'an integer{span}'
         if self.kind == 'numbers':
-            return f'a non-empty list of finite numbers {span}'
+            return f'a non-empty list of finite numbers{span}'
         if self.kind == 'choice':
             return 'one of ' + ', '.join(self.choices)
         return {'flag': 'true or false', 'text': 'a string'}[self.kind]

@@ -169,9 +169,9 @@ def step(
         return _refuse(design, state, applied, out, NO_MEASUREMENT)
     if not dt >= SHORTEST:
         return _refuse(design, state, applied, out, BAD_TIME_STEP)
-    if not SMALLEST < applied < LARGEST:
+    if not SMALLEST <= applied <= LARGEST:
         applied = design.safe_command
-    if not SMALLEST < reference[0] < LARGEST:
+    if not SMALLEST <= reference[0] <= LARGEST:
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     if design.error_based and not _usable(reference):  # no sum below would show it
         return _refuse(design, state, applied, out, BAD_REFERENCE)
@@ -388,7 +388,7 @@ def _restart(
 def _usable(reference: Vector) -> bool:
     usable = True
     for value in reference:
-        usable = usable and SMALLEST < value < LARGEST
+        usable = usable and SMALLEST <= value <= LARGEST
     return usable
 
 

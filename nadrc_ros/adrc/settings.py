@@ -8,9 +8,22 @@ from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
-# No sensor reads this; what is larger counts as no number at all.
+# Bounds of what may be real. They are there for the arithmetic alone: products of what the law
+# multiplies, powers of bandwidths among them, stay far from 1e308 and from 0.
+# Of every signal, in any unit. What is larger counts as no number at all: the observers forget it
+# in ln(1e15) / (w h) samples, which is as long as one wrong sample may last.
 LARGEST = 1e15
 SMALLEST = -LARGEST
+# Of positive numbers that something is divided by: one over it is within LARGEST.
+LEAST = 1e-15
+# Of bandwidths and frequencies [rad/s]: the tenth power of either is a float.
+SLOWEST, FASTEST = 1e-9, 1e6
+# Of times [s], 30 years: in ns they fit in 63 bits, and t = k / rate tells 1e-7 s apart.
+LONGEST = 1e9
+# Of rates [Hz]: a million periods are within LONGEST, and one is 10,000 steps of a clock in ns.
+SLOWEST_RATE, FASTEST_RATE = 1e-3, 1e5
+# Of gains and slopes: a signal within LARGEST changes so fast in the shortest step of time, 1 ns.
+STEEPEST = 1e24
 # How many derivatives of the reference have a topic: the rate and the acceleration.
 REFERENCE_DERIVATIVES = 2
 
@@ -32,7 +45,12 @@ class ControllerSettings:
         2, 1, 5, 'order n of the plant: y^(n) = b0 u + total disturbance', live=False
     )
     b0: float = number(
-        1.0, -1e6, 1e6, 'y^(n) per unit command', 'nominal input gain of the plant', nonzero=True
+        1.0,
+        SMALLEST,
+        LARGEST,
+        'y^(n) per unit command',
+        'nominal input gain of the plant',
+        nonzero=True,
     )
     structure: str = choice(
         'nested',
@@ -40,12 +58,12 @@ class ControllerSettings:
         'observer: ' + '; '.join(f'{s.name} = {s.description}' for s in STRUCTURES.values()),
     )
     inner_bandwidth: float = number(
-        40.0, 1e-3, 1e4, 'rad/s', 'bandwidth of level 1, the inner observer'
+        40.0, SLOWEST, FASTEST, 'rad/s', 'bandwidth of level 1, the inner observer'
     )
     outer_bandwidth: float = number(
         30.0,
-        1e-3,
-        1e4,
+        SLOWEST,
+        FASTEST,
         'rad/s',
         'bandwidth of level 2, the outer observer; ignored with one level',
     )
@@ -57,24 +75,27 @@ class ControllerSettings:
     )
     bandwidth_ratio: float = number(
         0.5,
-        0.01,
+        0.01,  # the sixth level is within 1e-8 to 1e4 of the first: all poles are floats
         10.0,
         '',
         'bandwidth of each level beyond the second, relative to the one before',
     )
     extended_states: int = integer(
-        2, 1, 3, 'extended states m of the generalized structure; ignored by the others'
+        2,
+        1,
+        5,  # of the gains of n + m = 10 states seven digits are left
+        'extended states m of the generalized structure; ignored by the others',
     )
     pole_ratios: tuple[float, ...] = numbers(
         (1.0,),
-        1e-3,
+        1e-3,  # further apart the slow ones are none: their gains are the rounding of the fast
         1e3,
         'of the bandwidth',
         'observer poles, one entry for each of the n + m states; the last one counts for the rest',
     )
     observer_gain_factor: float = number(
         1.0,
-        0.5,
+        0.5,  # half-gain tuning; no use of less is known
         1.0,
         '',
         'share of the observer gains that acts; 0.5 = half-gain tuning: nearly the same rejection '
@@ -83,19 +104,19 @@ class ControllerSettings:
     startup_time: float = number(
         0.0,
         0.0,
-        3600.0,
+        LONGEST,
         's',
         'time after the first start over which the observer bandwidths rise as t^3; 0 = off',
     )
     eso_delta: float = number(
         0.01,
-        1e-9,
-        1e6,
+        LEAST,
+        LARGEST,
         'output unit',
         'innovation up to which the nonlinear structure is the nested one; ignored by the others',
     )
     controller_bandwidth: float = number(
-        4.0, 1e-3, 1e4, 'rad/s', 'closed-loop bandwidth wc: feedback gains from (s + wc)^n'
+        4.0, SLOWEST, FASTEST, 'rad/s', 'closed-loop bandwidth wc: feedback gains from (s + wc)^n'
     )
     feedback: str = choice(
         'linear', ('linear', 'fal'), 'state error feedback: linear, or the nonlinear fal (NLSEF)'
@@ -103,15 +124,19 @@ class ControllerSettings:
     fal_gains: tuple[float, ...] = numbers(
         (0.0,),
         0.0,
-        1e9,
+        FASTEST**5,  # as the linear ones
         '',
         'gains k_1..k_n of fal; one entry for all; 0 = from controller_bandwidth',
     )
     fal_exponents: tuple[float, ...] = numbers(
-        (0.75,), 0.01, 1.0, '', 'exponents alpha_1..alpha_n of fal; one entry for all; 1 = linear'
+        (0.75,),
+        0.01,  # less is a switch; more than 1 grows with the error
+        1.0,
+        '',
+        'exponents alpha_1..alpha_n of fal; one entry for all; 1 = linear',
     )
     fal_delta: float = number(
-        0.01, 1e-9, 1e6, 'of the state error', 'half-width of the linear zone of fal'
+        0.01, LEAST, LARGEST, 'of the state error', 'half-width of the linear zone of fal'
     )
     feedback_level: str = choice(
         'inner',
@@ -121,7 +146,7 @@ class ControllerSettings:
     tracking_acceleration: float = number(
         0.0,
         0.0,
-        1e6,
+        STEEPEST,
         'reference unit/s^2',
         'acceleration R of the tracking differentiator, which replaces received derivatives; '
         '0 = off',
@@ -136,15 +161,19 @@ class ControllerSettings:
         False,
         'observe y - r with reference zero, for references whose derivatives nobody knows',
     )
-    command_min: float = number(-100.0, -1e9, 1e9, 'command unit', 'lowest command ever published')
-    command_max: float = number(100.0, -1e9, 1e9, 'command unit', 'highest command ever published')
+    command_min: float = number(
+        -100.0, SMALLEST, LARGEST, 'command unit', 'lowest command ever published'
+    )
+    command_max: float = number(
+        100.0, SMALLEST, LARGEST, 'command unit', 'highest command ever published'
+    )
     command_rate_limit: float = number(
-        0.0, 0.0, 1e12, 'command unit/s', 'fastest change of the command; 0 = off'
+        0.0, 0.0, STEEPEST, 'command unit/s', 'fastest change of the command; 0 = off'
     )
     safe_command: float = number(
         0.0,
-        -1e9,
-        1e9,
+        SMALLEST,
+        LARGEST,
         'command unit',
         'command when there is nothing to control with; inside the limits',
     )
@@ -179,18 +208,22 @@ class ControllerSettings:
     measurement_timeout: float = number(
         0.25,
         0.0,
-        3600.0,
+        LONGEST,
         's',
         'silence of valid measurements that starts the fault action; 0 = off',
     )
     reference_timeout: float = number(
-        0.0, 0.0, 3600.0, 's', 'silence of valid references that starts the fault action; 0 = off'
+        0.0, 0.0, LONGEST, 's', 'silence of valid references that starts the fault action; 0 = off'
     )
     hold_time: float = number(
-        0.1, 0.0, 3600.0, 's', 'time the fault action holds before it ramps to safe_command'
+        0.1, 0.0, LONGEST, 's', 'time the fault action holds before it ramps to safe_command'
     )
     max_dt: float = number(
-        0.5, 1e-6, 3600.0, 's', 'longest gap between samples; beyond it the observers restart'
+        0.5,
+        1.0 / FASTEST,
+        LONGEST,
+        's',
+        'longest gap between samples; beyond it the observers restart',
     )
     good_samples: int = integer(
         3, 1, 1000000, 'valid samples in a row before the law acts, at the start and after a fault'

@@ -9,6 +9,7 @@ import time
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, text
+from nadrc_ros.adrc.settings import SLOWEST_RATE
 from nadrc_ros.nodes.stamps import Losses
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -22,7 +23,12 @@ class PacingSettings:
     """Rate and pacing, the same for every node of a loop, and priority; all fixed at start."""
 
     rate: float = number(
-        200.0, 1.0, 5000.0, 'Hz', 'periods per second; of a recorder in lockstep only', live=False
+        200.0,
+        SLOWEST_RATE,
+        5000.0,  # as fast as an executor of rclpy calls anything
+        'Hz',
+        'periods per second; of a recorder in lockstep only',
+        live=False,
     )
     pacing: str = choice(
         'realtime',

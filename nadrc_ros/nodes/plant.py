@@ -11,6 +11,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
+from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
 from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, OK, WARN
 from nadrc_ros.nodes.lockstep import Lockstep
@@ -57,7 +58,12 @@ class PlantSettings:
     )
     plant_class: str = text('', 'class in that file, where it has several', live=False)
     initial_state: tuple[float, ...] = numbers(
-        (0.0,), -1e9, 1e9, '', 'x(0): one entry for all states, or one for each', live=False
+        (0.0,),
+        SMALLEST,
+        LARGEST,
+        '',
+        'x(0): one entry for all states, or one for each',
+        live=False,
     )
     start: str = choice(
         'on_command',
@@ -68,12 +74,12 @@ class PlantSettings:
     command_timeout: float = number(
         0.25,
         0.0,
-        3600.0,
+        LONGEST,
         's',
         'silence of commands that makes the plant use safe_command; 0 = off',
     )
     safe_command: float = number(
-        0.0, -1e9, 1e9, 'command unit', 'command the plant uses while none comes'
+        0.0, SMALLEST, LARGEST, 'command unit', 'command the plant uses while none comes'
     )
 
 
@@ -221,7 +227,7 @@ class PlantNode(LiveNode):
 
         One only, if these take the processor longer than they last: they would be ever more.
         """
-        longest = round(LONGEST_STALL * self.pacing.rate)
+        longest = max(1, round(LONGEST_STALL * self.pacing.rate))
         periods = min(self.ticker.due, longest) if self._keeps_up else 1
         begin = time.thread_time()
         self._advance(command, periods)

@@ -10,7 +10,6 @@ from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.user_plant import plant_class
 
-LARGEST = 1e12
 KINDS = {bool: 'flag', str: 'text', int: 'number', float: 'number'}
 
 
@@ -62,8 +61,6 @@ def _described(cls: type[Any], argument: inspect.Parameter) -> Declared:
     return Declared(
         kind=kind,
         default=default,
-        low=-LARGEST if kind == 'number' else None,
-        high=LARGEST if kind == 'number' else None,
         description=f'argument of {cls.__name__}',
         live=False,
     )

@@ -12,7 +12,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, number, text
-from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.adrc.settings import LARGEST, LONGEST
 from nadrc_ros.scenario.csv_file import open_csv
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.user_code import blame, construct, Kind, user_class
@@ -36,7 +36,7 @@ class CsvColumn:
         'linear', ('linear', 'hold'), 'between two rows: a straight line, or the earlier one held'
     )
     start: float = number(
-        0.0, 0.0, LARGEST, 's', 'time of the first row in the run; its value holds before'
+        0.0, 0.0, LONGEST, 's', 'time of the first row in the run; its value holds before'
     )
 
 

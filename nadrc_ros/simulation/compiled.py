@@ -124,7 +124,7 @@ def compiled_loop(
             references(reference_signal, t, r)
             usable = design.reference_min <= r[0] <= design.reference_max
             for i in range(len(r)):
-                usable = usable and SMALLEST < r[i] < LARGEST
+                usable = usable and SMALLEST <= r[i] <= LARGEST
             if not usable:
                 break
             for i in range(len(reference)):

@@ -8,7 +8,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, number
-from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.settings import ControllerSettings, FASTEST_RATE, LONGEST, SLOWEST_RATE
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.loop import COLUMNS, Kernel, LEVELS, Loop, WIDTH
 from nadrc_ros.simulation.metrics import metric_values, MetricValues
@@ -29,7 +29,7 @@ WORTH_COMPILING = 200_000
 class Retune:
     """A change of controller settings at a time [s], by field name."""
 
-    time: float = number(0.0, 0.0, 1e9, 's', 'time of the change')
+    time: float = number(0.0, 0.0, LONGEST, 's', 'time of the change')
     settings: dict[str, Any] = attrs.field(factory=dict)
 
 
@@ -53,13 +53,13 @@ class Experiment:
     retunes: tuple[Retune, ...] = ()
     faults: Faults = attrs.field(factory=Faults)
     noise_signal: Signal = attrs.field(factory=Nothing)
-    rate: float = number(200.0, 1.0, 1e5, 'Hz', 'periods per second')
-    duration: float = number(15.0, 1e-3, 1e6, 's', 'length of the run')
+    rate: float = number(200.0, SLOWEST_RATE, FASTEST_RATE, 'Hz', 'periods per second')
+    duration: float = number(15.0, 1.0 / FASTEST_RATE, LONGEST, 's', 'length of the run')
     error: str = choice(
         'reference', ('reference', 'tracking'), 'error of the metrics: r - y, or r1 - y'
     )
     settle_time: float = number(
-        0.0, 0.0, 1e6, 's', 'from when on peak_error counts; 0 = a tenth of the duration'
+        0.0, 0.0, LONGEST, 's', 'from when on peak_error counts; 0 = a tenth of the duration'
     )
 
     def __attrs_post_init__(self) -> None:

@@ -15,6 +15,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import attrs
 from nadrc_ros.adrc.fields import choice, number
+from nadrc_ros.adrc.settings import FASTEST, LARGEST, LONGEST, SMALLEST
 from nadrc_ros.simulation.periods import first_period
 import numpy as np
 
@@ -167,12 +168,12 @@ class Fault:
     """When a fault acts, and how much."""
 
     size: float = number(
-        1.0, -1e12, 1e12, '', 'how much, in the unit that its kind asks for', nonzero=True
+        1.0, SMALLEST, LARGEST, '', 'how much, in the unit that its kind asks for', nonzero=True
     )
     start: float = number(
-        0.0, 0.0, 1e9, 's', 'when it begins, from the start of the run or its last change on'
+        0.0, 0.0, LONGEST, 's', 'when it begins, from the start of the run or its last change on'
     )
-    duration: float = number(0.0, 0.0, 1e9, 's', 'how long it acts; 0 = to the end')
+    duration: float = number(0.0, 0.0, LONGEST, 's', 'how long it acts; 0 = to the end')
 
 
 @attrs.frozen(kw_only=True)
@@ -189,7 +190,7 @@ class MeasurementFault(Fault):
     """
 
     kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'what happens to measurements')
-    time: float = number(0.1, 1e-6, 60.0, 's', 'delay, lag, or jump of the clock')
+    time: float = number(0.1, 1.0 / FASTEST, LONGEST, 's', 'delay, lag, or jump of the clock')
     probability: float = number(
         1.0,
         0.0,

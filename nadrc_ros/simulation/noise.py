@@ -12,6 +12,7 @@ from math import floor, sqrt
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import integer, number
+from nadrc_ros.adrc.settings import LARGEST, LONGEST
 import numpy as np
 import numpy.typing as npt
 
@@ -23,11 +24,11 @@ CHUNK = 65536
 class Noise:
     """What the noise is like; the same settings give the same bits on every machine."""
 
-    variance: float = number(0.0, 0.0, 1e6, 'unit of y squared', 'variance of the noise')
+    variance: float = number(0.0, 0.0, LARGEST**2, 'unit of y squared', 'variance of the noise')
     sample_time: float = number(
         0.0,
         0.0,
-        1e3,
+        LONGEST,
         's',
         'time each noise sample is held, 0 for a new one each period',
         live=False,

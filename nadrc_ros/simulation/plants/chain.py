@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import attrs
 from nadrc_ros.adrc.fields import integer, number
+from nadrc_ros.adrc.settings import FASTEST, LARGEST, SMALLEST
 from nadrc_ros.simulation.plants.protocol import MAX_ORDER
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
@@ -17,9 +18,11 @@ class Chain:
     """
 
     order: int = integer(2, 1, MAX_ORDER, 'number of integrators n', live=False)
-    gain: float = number(1.0, -1e6, 1e6, '', 'input gain, also the nominal b0', nonzero=True)
-    damping: float = number(0.0, -1e3, 1e3, '1/s', 'damping of the highest state')
-    load: float = number(0.0, -1e6, 1e6, '', 'constant load, in units of y^(n)')
+    gain: float = number(
+        1.0, SMALLEST, LARGEST, '', 'input gain, also the nominal b0', nonzero=True
+    )
+    damping: float = number(0.0, -FASTEST, FASTEST, '1/s', 'damping of the highest state')
+    load: float = number(0.0, SMALLEST, LARGEST, '', 'constant load, in units of y^(n)')
 
     @property
     def states(self) -> int:

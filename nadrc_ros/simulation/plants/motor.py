@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import attrs
 from nadrc_ros.adrc.fields import number
+from nadrc_ros.adrc.settings import LARGEST, LEAST, SMALLEST
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
@@ -28,16 +29,20 @@ class DcMotor:
     a loaded 24 V motor: 16 A stall current, 1 ms electrical and 12 ms mechanical time constant.
     """
 
-    resistance: float = number(1.5, 1e-3, 1e4, 'Ohm', 'armature resistance R')
-    inductance: float = number(1.5e-3, 1e-6, 10.0, 'H', 'armature inductance L')
-    torque_constant: float = number(0.05, 1e-5, 1e3, 'N m/A', 'torque and back-emf constant K')
-    inertia: float = number(2e-5, 1e-9, 1e3, 'kg m^2', 'inertia J of rotor and load')
-    viscous: float = number(1e-5, 0.0, 1e3, 'N m s/rad', 'viscous friction')
-    coulomb: float = number(5e-3, 0.0, 1e3, 'N m', 'Coulomb friction torque')
-    static: float = number(8e-3, 0.0, 1e3, 'N m', 'friction torque near standstill')
-    stribeck_speed: float = number(5.0, 1e-3, 1e3, 'rad/s', 'speed at which static turns Coulomb')
-    smoothing_speed: float = number(1.0, 1e-3, 1e3, 'rad/s', 'half width of the smooth sign')
-    load_torque: float = number(0.0, -1e3, 1e3, 'N m', 'constant load torque')
+    resistance: float = number(1.5, LEAST, LARGEST, 'Ohm', 'armature resistance R')
+    inductance: float = number(1.5e-3, LEAST, LARGEST, 'H', 'armature inductance L')
+    torque_constant: float = number(
+        0.05, LEAST, LARGEST, 'N m/A', 'torque and back-emf constant K'
+    )
+    inertia: float = number(2e-5, LEAST, LARGEST, 'kg m^2', 'inertia J of rotor and load')
+    viscous: float = number(1e-5, 0.0, LARGEST, 'N m s/rad', 'viscous friction')
+    coulomb: float = number(5e-3, 0.0, LARGEST, 'N m', 'Coulomb friction torque')
+    static: float = number(8e-3, 0.0, LARGEST, 'N m', 'friction torque near standstill')
+    stribeck_speed: float = number(
+        5.0, LEAST, LARGEST, 'rad/s', 'speed at which static turns Coulomb'
+    )
+    smoothing_speed: float = number(1.0, LEAST, LARGEST, 'rad/s', 'half width of the smooth sign')
+    load_torque: float = number(0.0, SMALLEST, LARGEST, 'N m', 'constant load torque')
 
     @property
     def b0(self) -> float:

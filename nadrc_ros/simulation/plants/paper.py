@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import attrs
 from nadrc_ros.adrc.fields import number
+from nadrc_ros.adrc.settings import LARGEST, SMALLEST
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
@@ -24,8 +25,11 @@ class PaperPlant:
     states: ClassVar[int] = 2
     b0: ClassVar[float] = 1.0
 
-    a1: float = number(0.2, -1e3, 1e3, '1/s^2', 'stiffness a1 of eq. (26), positive is unstable')
-    a2: float = number(0.1, -1e3, 1e3, '1/s^2', 'gain a2 of sin(x2) in eq. (26)')
+    a1: float = number(
+        0.2, SMALLEST, LARGEST, '1/s^2', 'stiffness a1 of eq. (26), positive is unstable'
+    )
+    a2: float = number(0.1, SMALLEST, LARGEST, '1/s^2', 'gain a2 of sin(x2) in eq. (26)')
+    # From 1 on the input gain would change its sign.
     a3: float = number(0.2, -0.9, 0.9, '', 'gain variation a3 of eq. (26), not given in the paper')
 
     def derivative(self, t: float, x: Vector, u: float, w: float, dx: MutableVector) -> None:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import attrs
 from nadrc_ros.adrc.fields import number
+from nadrc_ros.adrc.settings import LARGEST, LEAST
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
@@ -21,10 +22,10 @@ class Pendulum:
     order: ClassVar[int] = 2
     states: ClassVar[int] = 2
 
-    mass: float = number(1.0, 1e-6, 1e4, 'kg', 'mass m at the tip')
-    length: float = number(0.5, 1e-3, 1e3, 'm', 'length l of the rod')
-    friction: float = number(0.05, 0.0, 1e3, 'N m s/rad', 'viscous friction of the bearing')
-    gravity: float = number(9.81, 0.0, 100.0, 'm/s^2', 'gravity g')
+    mass: float = number(1.0, LEAST, LARGEST, 'kg', 'mass m at the tip')
+    length: float = number(0.5, LEAST, LARGEST, 'm', 'length l of the rod')
+    friction: float = number(0.05, 0.0, LARGEST, 'N m s/rad', 'viscous friction of the bearing')
+    gravity: float = number(9.81, 0.0, LARGEST, 'm/s^2', 'gravity g')
 
     @property
     def b0(self) -> float:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import attrs
 from nadrc_ros.adrc.fields import number
+from nadrc_ros.adrc.settings import LARGEST, LEAST, SMALLEST
 from nadrc_ros.simulation.vector import MutableVector, Vector
 
 
@@ -26,11 +27,11 @@ class Thermal:
     order: ClassVar[int] = 1
     states: ClassVar[int] = 2
 
-    power: float = number(500.0, 1e-3, 1e9, 'W', 'heat flow at u = 100 %')
-    capacity: float = number(1500.0, 1e-3, 1e9, 'J/K', 'heat capacity')
-    loss: float = number(2.5, 0.0, 1e6, 'W/K', 'heat flow to the surroundings per difference')
-    ambient: float = number(20.0, -300.0, 3000.0, 'degC', 'temperature of the surroundings')
-    heater_lag: float = number(8.0, 1e-3, 1e4, 's', 'time constant of the heater')
+    power: float = number(500.0, LEAST, LARGEST, 'W', 'heat flow at u = 100 %')
+    capacity: float = number(1500.0, LEAST, LARGEST, 'J/K', 'heat capacity')
+    loss: float = number(2.5, 0.0, LARGEST, 'W/K', 'heat flow to the surroundings per difference')
+    ambient: float = number(20.0, SMALLEST, LARGEST, 'degC', 'temperature of the surroundings')
+    heater_lag: float = number(8.0, LEAST, LARGEST, 's', 'time constant of the heater')
 
     @property
     def b0(self) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, integer, number
+from nadrc_ros.adrc.settings import LARGEST, LONGEST
 from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 OBJECTIVES = ('itae', 'iae', 'ise', 'itse', 'rmse', 'max_error', 'peak_error')
@@ -68,7 +69,11 @@ class TuneSettings:
 
     objective: str = choice('itae', OBJECTIVES, 'figure of merit of tracking to make least')
     budget: float = number(
-        0.0, 0.0, 1e12, '', 'largest ISU; 0 = the whole front of objective against ISU'
+        0.0,
+        0.0,
+        LARGEST**2 * LONGEST,
+        '',
+        'largest ISU; 0 = the whole front of objective against ISU',
     )
     sampler: str = choice(
         'auto', SAMPLERS, 'search; auto is nsga2 for the front and cmaes with a budget'
@@ -87,7 +92,7 @@ class TuneSettings:
     delay_margin: float = number(1.0, 0.0, 1e6, 'periods', 'least delay that destabilises')
     largest_wh: float = number(LARGEST_W_H, 1e-6, 10.0, '', 'largest bandwidth times period')
     peak: float = number(
-        0.0, 0.0, 1e9, 'command unit', 'largest |command|; 0 = that of the limits alone'
+        0.0, 0.0, LARGEST, 'command unit', 'largest |command|; 0 = that of the limits alone'
     )
     vary: dict[str, Any] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
     plant: dict[str, Range] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
