@@ -17,8 +17,8 @@ CHECK_VALUES = (
     (2, 100.0, 0.001, 0.9048374180, (0.2591817793, 25.87507435, 861.7844443)),
     (1, 20.0, 0.01, 0.8187307531, (0.3296799540, 3.285853988)),
 )
-POLYNOMIALS = [(n, m) for n in ORDERS for m in (1, 2, 3)]
-RATIOS = (1.0, 0.4, 2.5, 1.2, 0.7, 3.0, 0.9, 1.6)
+POLYNOMIALS = [(n, m) for n in ORDERS for m in (1, 2, 3, 4, 5)]
+RATIOS = (1.0, 0.4, 2.5, 1.2, 0.7, 3.0, 0.9, 1.6, 0.5, 2.0)
 
 
 def observer(n: int, m: int = 1, **values: object) -> Design:
@@ -90,7 +90,7 @@ def test_gains_equal_their_closed_forms(wh: float) -> None:
     assert observer_gains(3, h, [z] * 3) == pytest.approx(second, rel=1e-12)
 
 
-@pytest.mark.parametrize('h', (1e-3, 0.01, 1.0))
+@pytest.mark.parametrize('h', (1e-3, 0.01, 1.0, 1e3))
 @pytest.mark.parametrize(('n', 'm'), POLYNOMIALS)
 def test_every_pole_of_the_observer_in_use_is_at_exp_minus_w_h(n: int, m: int, h: float) -> None:
     for wh in (0.05, 0.4, 1.5):
@@ -99,7 +99,7 @@ def test_every_pole_of_the_observer_in_use_is_at_exp_minus_w_h(n: int, m: int, h
         assert characteristic_polynomial(matrix) == pytest.approx(expected, abs=1e-11)
 
 
-@pytest.mark.parametrize('h', (1e-3, 0.01, 1.0))
+@pytest.mark.parametrize('h', (1e-3, 0.01, 1.0, 1e3))
 @pytest.mark.parametrize(('n', 'm'), POLYNOMIALS)
 def test_pole_ratios_place_each_pole(n: int, m: int, h: float) -> None:
     states = n + m

@@ -64,7 +64,7 @@ def test_generalized_with_two_extended_states_leaves_nothing_of_a_ramp() -> None
     assert ramp_error(design) == pytest.approx(2.0 * H / 2, rel=1e-6)
 
 
-@pytest.mark.parametrize('m', (2, 3))
+@pytest.mark.parametrize('m', (2, 3, 4, 5))
 @pytest.mark.parametrize('n', ORDERS)
 def test_generalized_follows_a_ramp_at_any_order(n: int, m: int) -> None:
     design = ramp_design('generalized', n, extended_states=m, w=5.0)

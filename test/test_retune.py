@@ -30,7 +30,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
     'startup_time': (0.0, 0.3),
     'eso_delta': (1e-3, 1.0),
     'bandwidth_ratio': (0.1, 2.0),
-    'extended_states': (1, 2, 3),
+    'extended_states': (1, 2, 3, 4, 5),
     'pole_ratios': ((0.5,), (2.0,)),
     'observer_gain_factor': (0.5, 0.8),
     'controller_bandwidth': (1.0, 3.9, 20.0),

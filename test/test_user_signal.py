@@ -9,6 +9,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.scenario import dump, load, loads, Scenario, SignalSpec
 from nadrc_ros.scenario.sweep import load_sweep
@@ -17,8 +18,10 @@ from nadrc_ros.simulation.kernel import kernel_for
 from nadrc_ros.simulation.signals import Signal
 import numpy as np
 import pytest
+from scipy import signal
 
-PAGE = (Path(__file__).parents[1] / 'docs' / 'own.md').read_text(encoding='utf-8')
+EXAMPLES = Path(__file__).parents[1] / 'examples'
+PAGE = (EXAMPLES.parent / 'docs' / 'own.md').read_text(encoding='utf-8')
 PLANT, SIGNALS, LOG, SCENARIO = (
     text
     for kind in ('python', 'text', 'yaml')
@@ -70,6 +73,22 @@ def test_the_example_of_the_page_follows_its_reference_and_rejects_what_disturbs
     noise = run.measurement - run.output
     for part, level in ((t < 0.5, 0.0), ((t >= 0.5) & (t < 1), 0.002), (t >= 1, -0.001)):
         assert noise[part].mean() == pytest.approx(level, abs=5e-5)
+
+
+def test_a_published_kind_of_experiment_is_a_file_of_signals_and_a_scenario() -> None:
+    """A step through a filter of fifth order, a load in pieces, six states, b0 = 2e6."""
+    scenario = load(EXAMPLES / 'buck_converter.yaml')
+    design = make_design(scenario.controllers['six_states'])
+    assert design.b0 == pytest.approx(2e6) and design.states == 6
+    runs = {name: scenario.run(name) for name in scenario.controllers}
+    run = runs['six_states']
+    filtered = signal.step(([1.0], np.poly([-400.0] * 5) / 400.0**5), T=run.time)[1]
+    late = np.concatenate([np.zeros(400), filtered[:-400]])
+    assert np.allclose(run.reference, 4.0 + 6.0 * late, atol=1e-6)
+    error = {name: one.metrics.itae for name, one in runs.items()}
+    assert 5.0 * error['six_states'] > error['four_states'] > 2.0 * error['six_states']
+    assert error['conventional'] > 5.0 * error['four_states']
+    assert run.metrics.saturated_fraction == 0.0
 
 
 def test_plain_and_compiled_give_the_same_bits(folder: Path) -> None:

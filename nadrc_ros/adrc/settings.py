@@ -83,12 +83,12 @@ class ControllerSettings:
     extended_states: int = integer(
         2,
         1,
-        5,  # of the gains of n + m = 10 states seven digits are left
+        5,  # the poles of n + m = 10 states are where they should be to 1e-11
         'extended states m of the generalized structure; ignored by the others',
     )
     pole_ratios: tuple[float, ...] = numbers(
         (1.0,),
-        1e-3,  # further apart the slow ones are none: their gains are the rounding of the fast
+        1e-3,  # a pole six decades from another is no part of the same observer
         1e3,
         'of the bandwidth',
         'observer poles, one entry for each of the n + m states; the last one counts for the rest',

@@ -30,6 +30,7 @@ from nadrc_ros.simulation.faults import (
     MeasurementFault,
     ONE_EACH,
 )
+from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 from nadrc_ros.simulation.process import Process
@@ -178,6 +179,11 @@ class PlantNode(LiveNode):
         return settings
 
     def _make_plant(self, values: dict[str, Any]) -> Plant:
+        plant = self._plant_of(values)
+        substeps_for(plant, self.pacing.period)  # refuses one that is too fast for the rate
+        return plant
+
+    def _plant_of(self, values: dict[str, Any]) -> Plant:
         if self.plant_type is not None:
             return make_plant(self.plant_type, values)
         settings = self._group.value

@@ -14,6 +14,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, number, text
+from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.command_line import NodeParser
 from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
 from nadrc_ros.nodes.events import receive_events
@@ -65,7 +66,7 @@ class RecorderSettings(FigureSettings):
     duration: float = number(
         0.0,
         0.0,
-        1e7,
+        LONGEST,
         's',
         'length of a run, from the first command; 0 = until stopped',
         live=False,

@@ -7,6 +7,7 @@ from math import inf, isnan, nan
 
 import attrs
 from nadrc_ros.adrc.fields import choice, number
+from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
 from nadrc_ros.records.spacing import Spacing
 from nadrc_ros.simulation.metrics import Metrics, MetricValues
 
@@ -22,15 +23,25 @@ class FigureSettings:
         live=False,
     )
     command_min: float = number(
-        -1e9, -1e9, 1e9, 'command unit', 'lower limit, for the saturated fraction', live=False
+        SMALLEST,
+        SMALLEST,
+        LARGEST,
+        'command unit',
+        'lower limit, for the saturated fraction',
+        live=False,
     )
     command_max: float = number(
-        1e9, -1e9, 1e9, 'command unit', 'upper limit, for the saturated fraction', live=False
+        LARGEST,
+        SMALLEST,
+        LARGEST,
+        'command unit',
+        'upper limit, for the saturated fraction',
+        live=False,
     )
     settle_time: float = number(
         0.0,
         0.0,
-        1e7,
+        LONGEST,
         's',
         'from when on peak_error counts; 0 = a tenth of duration, never without one',
         live=False,

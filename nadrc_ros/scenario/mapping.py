@@ -40,6 +40,8 @@ NEEDED = {'plant': 'plant: paper', 'reference': 'reference: cosine', 'controller
 SAME = ('rate', 'duration', 'error', 'settle_time')
 FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
 NOISE = ('variance', 'sample_time')
+# At least so many periods, where a controller does not say otherwise.
+PATIENCE = {'measurement_timeout': 5.0, 'max_dt': 10.0}
 # What a signal is taken from.
 SOURCES = ('signal', 'file', 'csv')
 LIMITS = ('command_min', 'command_max', 'command_rate_limit')
@@ -50,7 +52,8 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
     Return the scenario that ``data`` describes; a plant file is sought from ``base_dir``.
 
     The keys are those of ``KEYS``. In a controller, ``plant_order`` and ``b0`` may be left out and
-    are then those of the plant; ``limits`` apply to every controller that does not say otherwise.
+    are then those of the plant, and times of silence at least some periods; ``limits`` apply to
+    every controller that does not say otherwise.
 
     Raises
     ------
@@ -74,7 +77,9 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         noise=_noise(given.get('noise', {}), given.get('seed', 0)),
         noise_signal=_noise_signal(given.get('noise', {}), base_dir),
         faults=_faults(given.get('faults', {})),
-        controllers=_controllers(given['controllers'], limits, spec.make()),
+        controllers=_controllers(
+            given['controllers'], limits | _patience(given.get('rate')), spec.make()
+        ),
         retunes=_retunes(given.get('retune', [])),
         **same,
     )
@@ -208,6 +213,18 @@ def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, C
     return controllers
 
 
+def _patience(rate: Any) -> dict[str, float]:
+    """Return the times that are longer than their defaults, as they count periods."""
+    if not isinstance(rate, (int, float)) or not rate > 0.0:
+        return {}  # refused elsewhere
+    defaults = {name: declared(ControllerSettings)[name].default for name in PATIENCE}
+    return {
+        name: periods / rate
+        for name, periods in PATIENCE.items()
+        if periods / rate > defaults[name]
+    }
+
+
 def _limits(data: Any) -> dict[str, Any]:
     values = _mapping(data, 'limits')
     refuse_unknown_keys(values, LIMITS, 'limits')
@@ -236,7 +253,7 @@ def _retunes(data: Any) -> tuple[Retune, ...]:
 
 def _settings(settings: ControllerSettings) -> dict[str, Any]:
     """Return what differs from the defaults, and what would else come from the plant."""
-    return _not_default(settings, 'plant_order', 'b0', 'structure')
+    return _not_default(settings, 'plant_order', 'b0', 'structure', *PATIENCE)
 
 
 def _not_default(settings: Any, *always: str) -> dict[str, Any]:

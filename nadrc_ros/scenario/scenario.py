@@ -15,6 +15,7 @@ from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.scenario.user_code import blame
 from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
 from nadrc_ros.simulation.faults import Faults
+from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Plant
 
@@ -81,6 +82,7 @@ class Scenario:
 
     def __attrs_post_init__(self) -> None:
         plant = self.plant.make()
+        substeps_for(plant, 1.0 / self.rate)  # refuses one that is too fast for the rate
         object.__setattr__(self, 'initial_state', _checked_state(plant, self.initial_state))
         _check_controllers(plant, self.controllers, self.rate)
         last = self._experiment(plant).last

@@ -23,6 +23,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 # Plain Python takes some 10 s for that many, numba about as long to compile.
 WORTH_COMPILING = 200_000
+# Rows of that many periods take 6 GB; :func:`~nadrc_ros.simulation.many.run_metrics` keeps none.
+MOST_ROWS = 50_000_000
 
 
 @attrs.frozen(kw_only=True)
@@ -155,8 +157,19 @@ def simulate(
         Called with one line before numba compiles, which takes some seconds, once per machine
         for each combination of plant and signal classes.
 
+    Raises
+    ------
+    SettingError
+        For a run of so many periods that their rows do not fit in memory.
+
     """
     steps = experiment.steps
+    if steps > MOST_ROWS:
+        raise SettingError(
+            'duration',
+            experiment.duration,
+            f'at most {MOST_ROWS / experiment.rate:g} s, {MOST_ROWS:,} periods, to keep every one',
+        )
     loop, rows = Loop(experiment, settings), np.full((steps, WIDTH), np.nan)
     loop.run(rows, kernel(experiment, steps, compiled, say))
     columns = dict(zip(COLUMNS, np.ascontiguousarray(rows.T)))

@@ -12,6 +12,7 @@ from math import ceil, isfinite, isnan
 from operator import mul
 from typing import Any
 
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.simulation.plants.protocol import Plant, probe_state
 from nadrc_ros.simulation.signals.protocol import Signal
 from nadrc_ros.simulation.vector import MutableVector, Vector
@@ -160,8 +161,23 @@ def substeps_for(plant: Plant, h: float) -> int:
 
     One step is unstable beyond 2.78 time constants, and at a quarter it is accurate to 1e-5. This
     matters for the fast current of a motor; most plants need one.
+
+    Raises
+    ------
+    SettingError
+        For more than ``MAX_SUBSTEPS``: so fast a plant would take for ever.
+
     """
-    return min(max(1, ceil(h * fastest_rate(plant) / REACH - 1e-9)), MAX_SUBSTEPS)
+    fastest = fastest_rate(plant)
+    steps = h * fastest / REACH
+    if not steps <= MAX_SUBSTEPS:
+        raise SettingError(
+            'rate',
+            1.0 / h,
+            f'at least {fastest / (REACH * MAX_SUBSTEPS):.3g} Hz for this plant, '
+            f'whose fastest part has a time constant of {1.0 / fastest:.3g} s',
+        )
+    return max(1, ceil(steps - 1e-9))
 
 
 def _jacobian(plant: Plant, probe: int) -> list[list[float]]:

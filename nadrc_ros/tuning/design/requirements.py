@@ -5,7 +5,16 @@ from __future__ import annotations
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import choice, flag, integer, number
-from nadrc_ros.adrc.settings import MAX_LEVELS
+from nadrc_ros.adrc.settings import (
+    FASTEST,
+    FASTEST_RATE,
+    LARGEST,
+    LEAST,
+    LONGEST,
+    MAX_LEVELS,
+    SLOWEST_RATE,
+    SMALLEST,
+)
 from nadrc_ros.adrc.structures import STRUCTURES
 
 # The theory is linear: it takes the nonlinear structure for the nested one.
@@ -34,44 +43,48 @@ class Requirements:
 
     order: int = integer(2, 1, 5, 'order n of the plant: y^(n) = b0 u + total disturbance')
     b0: float = number(
-        1.0, -1e6, 1e6, 'y^(n) per unit command', 'input gain of the plant', nonzero=True
+        1.0, SMALLEST, LARGEST, 'y^(n) per unit command', 'input gain of the plant', nonzero=True
     )
     settling_time: float = number(
-        1.0, 1e-5, 1e5, 's', 'time after which a step of the reference is followed within 2 %'
+        1.0,
+        1.0 / FASTEST,
+        LONGEST,
+        's',
+        'time after which a step of the reference is followed within 2 %',
     )
-    rate: float = number(200.0, 1.0, 1e5, 'Hz', 'control periods per second')
+    rate: float = number(200.0, SLOWEST_RATE, FASTEST_RATE, 'Hz', 'control periods per second')
     noise_std: float = number(
-        0.0, 0.0, 1e3, 'output unit', 'standard deviation of the measurement noise, one sample'
+        0.0, 0.0, LARGEST, 'output unit', 'standard deviation of the measurement noise, one sample'
     )
     command_noise: float = number(
         0.0,
         0.0,
-        1e9,
+        LARGEST,
         'command unit',
         'largest standard deviation of the command that the noise may cause; 0 = no such limit',
     )
     delay: float = number(
-        0.0, 0.0, 1e3, 's', 'dead time of the loop beyond the sampling: sensor, bus, actuator'
+        0.0, 0.0, LONGEST, 's', 'dead time of the loop beyond the sampling: sensor, bus, actuator'
     )
     disturbance: float = number(
         0.0,
         0.0,
-        1e9,
+        LARGEST,
         'unit of y^(n)',
         'size of the disturbance to expect; 0 = what a tenth of command_limit cancels',
     )
     disturbance_frequency: float = number(
-        0.0, 0.0, 1e5, 'rad/s', 'highest frequency of the disturbance; 0 = a step'
+        0.0, 0.0, FASTEST, 'rad/s', 'highest frequency of the disturbance; 0 = a step'
     )
     reference_step: float = number(
         0.0,
-        -1e6,
-        1e6,
+        SMALLEST,
+        LARGEST,
         'output unit',
         'step of the reference; 0 = one that asks for half of command_limit',
     )
     command_limit: float = number(
-        100.0, 1e-9, 1e9, 'command unit', 'largest command, of either sign'
+        100.0, LEAST, LARGEST, 'command unit', 'largest command, of either sign'
     )
     structure: str = choice(
         'advised', ('advised', *LINEAR), 'observer; advised = one or nested, what rejects best'
