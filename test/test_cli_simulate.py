@@ -138,7 +138,7 @@ def test_an_error_in_the_file_is_one_line_with_its_name(
 def test_an_error_in_an_option_is_one_line(scenario: Path) -> None:
     done = run('simulate', scenario, '--rate', '-5')
     assert done.returncode == 1
-    assert done.stderr == ('nadrc: rate = -5.0: must be a finite number from 1 to 100000 Hz\n')
+    assert done.stderr == ('nadrc: rate = -5.0: must be a finite number from 0.001 to 100000 Hz\n')
 
 
 def test_a_plant_that_fails_in_the_run_is_told_by_its_line(scenario: Path) -> None:
