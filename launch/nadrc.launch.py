@@ -47,6 +47,11 @@ def generate_launch_description() -> LaunchDescription:
                 choices=['', 'false', 'true'],
                 description='whether all nodes take the time from /clock',
             ),
+            DeclareLaunchArgument(
+                'remappings',
+                default_value='',
+                description='of topics, for instance "measurement:=/imu/yaw command:=/motor"',
+            ),
             OpaqueFunction(function=_nodes),
         ]
     )
@@ -62,6 +67,9 @@ def _nodes(context: LaunchContext) -> list[Node]:
         raise ValueError(f'nodes = {given("nodes")!r}: must be some of {" ".join(NODES)}')
     if file and not Path(file).is_file():
         raise FileNotFoundError(f'params_file = {file!r}: there is no such file')
+    remappings = [tuple(rule.split(':=')) for rule in given('remappings').split()]
+    if not all(len(rule) == 2 and all(rule) for rule in remappings):
+        raise ValueError(f'remappings = {given("remappings")!r}: must be rules like topic:=other')
     everywhere: dict[str, bool | float] = {}
     if given('use_sim_time'):
         everywhere['use_sim_time'] = given('use_sim_time') == 'true'
@@ -75,6 +83,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
             namespace=given('namespace'),
             name=node,
             parameters=[p for p in (file, everywhere | own.get(node, {})) if p],
+            remappings=remappings,
             output='screen',
             on_exit=[Shutdown(reason='the controller ended')] if node == 'controller' else None,
         )

@@ -29,6 +29,7 @@ def test_the_files_load_where_they_are_meant_to(tmp_path: Path) -> None:
     text = result.stdout
     for word in ('Herbst 2013', 'conventional', 'nested_2', 'Take ', 'filtered PID', 'ITAE'):
         assert word in text
+    assert 'if reference/rate and reference/acceleration come too' in ' '.join(text.split())
     document = json.loads((out / 'design.json').read_text())
     chosen = document['chosen']
     (parameters,) = (node['ros__parameters'] for node in _yaml(out / 'design.yaml').values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import copysign, cos, sin
+from math import copysign, cos, pi, sin
 from typing import Any
 
 from hypothesis import given
@@ -265,3 +265,21 @@ def test_p09_a_duplicate_sample_changes_nothing() -> None:
         chain.advance(u, H)
     assert state_bits(once.state) == state_bits(twice.state)
     assert twice.counts[Status.BAD_TIME_STEP] == 100
+
+
+@pytest.mark.parametrize(('error_based', 'off'), [(False, 0.3), (True, 0.01)])
+def test_a_moving_reference_without_derivatives_is_followed_if_the_error_is_observed(
+    error_based: bool, off: float
+) -> None:
+    """The figures of the README: a sinusoid of 0.5 Hz is 0.35 off, or 0.009."""
+    controller = Controller(
+        ControllerSettings(b0=4.0, controller_bandwidth=8.0, error_based=error_based)
+    )
+    y = v = worst = 0.0
+    for k in range(2000):
+        u = controller.tick(y, 0.005, reference=[0.5 * sin(pi * 0.005 * k)])
+        for _ in range(10):
+            v += 0.0005 * (4.0 * u - v)
+            y += 0.0005 * v
+        worst = max(worst, abs(0.5 * sin(pi * 0.005 * (k + 1)) - y)) if k > 800 else worst
+    assert (worst < off) == error_based

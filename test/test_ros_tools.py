@@ -88,7 +88,15 @@ def test_the_launch_file_declares_its_arguments_and_starts_our_nodes() -> None:
     calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
     called = [(ast.unparse(call.func), call) for call in calls]
     arguments = [ast.literal_eval(c.args[0]) for name, c in called if name.endswith('Argument')]
-    assert arguments == ['namespace', 'nodes', 'params_file', 'structure', 'rate', 'use_sim_time']
+    assert arguments == [
+        'namespace',
+        'nodes',
+        'params_file',
+        'structure',
+        'rate',
+        'use_sim_time',
+        'remappings',
+    ]
     preset = [
         ast.literal_eval(call.args[0])
         for name, call in called

@@ -275,18 +275,19 @@ class ControllerSettings:
         Raises
         ------
         SettingError
-            For a ``measurement_timeout`` or ``max_dt`` below two periods.
+            For a ``measurement_timeout`` or ``max_dt`` below two periods; names both if need be.
 
         """
         shortest = 2.0 / rate
+        allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'
         if 0.0 < self.measurement_timeout < shortest:
+            if self.max_dt < shortest:
+                allowed += f', and so must be max_dt = {self.max_dt!r}'
             raise SettingError(
-                'measurement_timeout',
-                self.measurement_timeout,
-                f'0 (off) or at least two periods, {shortest:g} s',
+                'measurement_timeout', self.measurement_timeout, f'0 (off) or {allowed}'
             )
         if self.max_dt < shortest:
-            raise SettingError('max_dt', self.max_dt, f'at least two periods, {shortest:g} s')
+            raise SettingError('max_dt', self.max_dt, allowed)
 
     def _check_length(self, name: str, count: int) -> None:
         values = getattr(self, name)

@@ -162,6 +162,7 @@ def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> 
     from nadrc_ros.report.figure import render
     from nadrc_ros.scenario import dump
     from nadrc_ros.scenario.parameter_files import (
+        about_reference,
         ANY_CONTROLLER,
         controller_parameters,
         parameter_text,
@@ -176,3 +177,5 @@ def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> 
     write_whole(out / 'bode.png', render(figure, 'png'))
     write_json(out / 'design.json', found.document(expected))
     typer.echo(f'{out}: design.yaml, scenario.yaml, bode.png, design.json')
+    if remark := about_reference(found.chosen.settings):
+        typer.echo(f'{out / "design.yaml"}: {remark}')

@@ -86,6 +86,7 @@ def identify(
         from nadrc_ros.records.shaping import thinned, window
         from nadrc_ros.scenario.files import dump
         from nadrc_ros.scenario.parameter_files import (
+            about_reference,
             ANY_CONTROLLER,
             controller_parameters,
             parameter_text,
@@ -125,6 +126,8 @@ def identify(
             typer.echo(line)
         for doubt in plant.doubts:
             complain(f'{run}: {doubt}')
+        if out is not None and (remark := about_reference(advice.settings)):
+            typer.echo(f'{out}: {remark}')
 
 
 def _unwrapped(run: 'RecordedRun', period: Optional[float]) -> 'RecordedRun':

@@ -237,6 +237,7 @@ def _finish(
 ) -> None:
     from nadrc_ros.report.caption import title_of
     from nadrc_ros.report.figure import render
+    from nadrc_ros.scenario.parameter_files import about_reference
     from nadrc_ros.tuning.search.picture import draw
     from nadrc_ros.tuning.search.result import document, texts, tuned
     from nadrc_ros.writing import write_json, write_whole
@@ -255,6 +256,8 @@ def _finish(
     typer.echo(f'tuned scenario {folder / "scenario.yaml"}')
     for one in found:
         typer.echo(f'ROS parameters {folder / one.name}.yaml')
+    for remark in {about_reference(one.settings) for one in found} - {''}:
+        typer.echo(remark)
     typer.echo(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
 
 

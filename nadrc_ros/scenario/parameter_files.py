@@ -27,3 +27,16 @@ def parameter_text(nodes: Mapping[str, Parameters]) -> str:
     """Return the YAML text of the parameters of each node, by its full name or a pattern."""
     content = {name: {'ros__parameters': parameters} for name, parameters in nodes.items()}
     return yaml.safe_dump(content, sort_keys=False)
+
+
+def about_reference(settings: ControllerSettings) -> str:
+    """Return what these settings expect of a moving reference, nothing where it needs no more."""
+    replaced = settings.error_based or settings.tracking_acceleration > 0.0
+    if replaced or not settings.received_derivatives:
+        return ''
+    topics = ('reference/rate', 'reference/acceleration')[: settings.received_derivatives]
+    return (
+        f'a moving reference is followed as predicted if {" and ".join(topics)} come too; where '
+        'nobody knows them, error_based: true follows nearly as well, with larger commands and '
+        'some overshoot on steps'
+    )

@@ -241,6 +241,12 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         ('plant', {'pacing': 'lockstep'}, ('steps',)),
         (
             'controller',
+            {'rate': 1.0},
+            ('measurement_timeout = 0.25: must be 0', '2 s at 1 Hz', 'so must be max_dt = 0.5'),
+        ),
+        ('controller', {'rate': 3.0, 'measurement_timeout': 1.0}, ('max_dt = 0.5', '0.66')),
+        (
+            'controller',
             {'qos_overrides./measurment.subscription.reliability': 'reliable'},
             ('qos_overrides./measurment.', '/measurement.subscription.reliability, perhaps'),
         ),
