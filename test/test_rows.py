@@ -95,7 +95,9 @@ def test_a_silent_sensor_leaves_rows_of_the_truth_and_nothing_of_later() -> None
 
 def test_silence_of_all_is_a_gap_that_no_row_reaches_into() -> None:
     times = [*range(0, 500, 5), *range(2500, 3000, 5)]
-    rows = rows_of(loop(times, truth=False), NAMES[:3])
+    samples = loop(times, truth=False)
+    samples += [(name, START + 1500 * MS, -1.0) for name in ('command', 'reference')]
+    rows = rows_of(in_order(samples), NAMES[:3])
     assert [round(1e3 * row.time) for row in rows] == times
     assert rows[99].values == {'reference': 495.0 - 3.0, 'measurement': 495.0, 'command': 495.0}
     assert rows[100].values['measurement'] == 2500.0

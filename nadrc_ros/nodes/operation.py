@@ -123,11 +123,12 @@ class Operator:
             for topic, name in missing_readers(self._node, f'/{loop.name}', expected):
                 return f'reader {name} of {topic}'
             heard = self.diagnostics.get(f'/{loop.name}/controller', {})
-            for signal in ('measurement', 'reference'):
+            signals = {'reference'} if loop.blind else {'measurement', 'reference'}
+            for signal in sorted(signals):
                 if not isfinite(float(heard.get(f'{signal}_age', 'inf'))):
                     return f'{signal} at /{loop.name}/controller'
             waiting = self.diagnostics.get(f'/{loop.name}/recorder', {}).get('waiting_for', 'all')
-            if not {'all', 'measurement', 'reference', 'output'}.isdisjoint(waiting.split()):
+            if not {'all', 'output', *signals}.isdisjoint(waiting.split()):
                 return f'signals at /{loop.name}/recorder'
             for client in (self._enable[loop.name], self._set[loop.name]):
                 if not client.service_is_ready():

@@ -23,6 +23,7 @@ controllers:
   one: {structure: conventional, inner_bandwidth: 20}
   two: {inner_bandwidth: 20}
 retune: [{time: 1, inner_bandwidth: 25}]
+faults: {measurement: [{kind: silent, duration: 0.3}]}  # from the start on
 """
 
 
