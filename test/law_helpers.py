@@ -43,6 +43,7 @@ def copy_of(state: State) -> State:
         [list(level) for level in state.levels],
         list(state.profile),
         list(state.offset),
+        list(state.usual),
         list(state.risen),
         list(state.waited),
         [list(row) for row in state.scratch],

@@ -220,7 +220,7 @@ def test_p10_beyond_max_dt_the_observers_restart_without_a_bump(case: str) -> No
     )
     assert clamp(law.design, raw_command(law.design, law.state)) == pytest.approx(u, abs=1e-9)
     before = state_bits(law.state)
-    assert law.step([0.5, 0.1], 0.7, 0.2) is not None
+    assert law.step([0.5, 0.1], 0.71, 0.2) is not None
     assert law.status != Status.RESTARTED and state_bits(law.state) != before
 
 

@@ -18,12 +18,12 @@ from nadrc_ros.adrc.law import (
     output_estimate,
     raw_command,
     rejoin,
-    retune,
     start,
     State,
     step,
     wait,
 )
+from nadrc_ros.adrc.retune import retune
 from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
 from nadrc_ros.adrc.status import NO_MEASUREMENT, RESTARTED, SATURATED, Status
 from nadrc_ros.adrc.supervisor import (

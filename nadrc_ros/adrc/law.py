@@ -35,8 +35,11 @@ class State:
     """
     State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
 
-    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (1,)
-    is what a bumpless transfer added to the command; it decays with the controller bandwidth.
+    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (2,)
+    is what a bumpless transfer added to the command: at a takeover, decaying with the controller
+    bandwidth, and what is noise of one sample, decaying with that of the inner observer.
+    ``usual`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
+    once and twice.
     ``risen`` (1,) is how far the observers are through their rise after the first start, from 0 to
     1. ``waited`` (2,) is the mean command of the ticks without a sample that followed the last
     one, and their time [s]. ``scratch`` (K + 2, N) remembers the observer gains of the last time
@@ -46,6 +49,7 @@ class State:
     levels: Matrix
     profile: Vector
     offset: Vector
+    usual: Vector
     risen: Vector
     waited: Vector
     scratch: Matrix
@@ -56,7 +60,8 @@ def blank_state(design: Design) -> State:
     return State(
         [[0.0] * design.states for _ in range(design.levels)],
         [0.0] * (design.order + 1),
-        [0.0],
+        [0.0, 0.0],
+        [0.0, 0.0],
         [0.0],
         [0.0, 0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
@@ -88,8 +93,9 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     for k in range(design.levels):
         out.levels[k][0] = measurement - origin if design.error_based else measurement
     out.levels[0][design.order] = -design.b0 * applied
-    out.offset[0] = 0.0
+    out.offset[0] = out.offset[1] = 0.0
     out.waited[1] = 0.0
+    out.usual[0] = out.usual[1] = raw_command(design, out)
 
 
 def init(
@@ -114,7 +120,8 @@ def copy_state(state: State, out: State) -> None:
     for k in range(len(state.levels)):
         copy_vector(state.levels[k], out.levels[k])
     copy_vector(state.profile, out.profile)
-    out.offset[0] = state.offset[0]
+    copy_vector(state.offset, out.offset)
+    copy_vector(state.usual, out.usual)
     out.risen[0] = state.risen[0]
     copy_vector(state.waited, out.waited)
 
@@ -204,9 +211,17 @@ def step(
     update(design, state.levels, observed, acted, dt, speed, out.levels, out.scratch)
     offset = state.offset[0]
     out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
+    brief = state.offset[1]
+    out.offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(design, state, reference, measurement, applied, out)
+    share = design.controller_bandwidth * dt
+    share /= 1.0 + share
+    once, twice = state.usual[0], state.usual[1]
+    once += (raw - out.offset[0] - out.offset[1] - once) * share
+    out.usual[0] = once
+    out.usual[1] = twice + (once - twice) * share
     if offset != 0.0:
         excess = raw - clamp(design, raw)
         if excess * offset > 0.0:  # an offset met under a bad sample must not wind up
@@ -239,7 +254,7 @@ def raw_command(design: Design, state: State) -> float:
     while k > 0:
         k -= 1
         v -= levels[k][order]
-    return v / design.b0 + state.offset[0]
+    return v / design.b0 + state.offset[0] + state.offset[1]
 
 
 def output_estimate(design: Design, state: State) -> float:
@@ -290,11 +305,15 @@ def meet(design: Design, state: State, command: float) -> None:
     Set the offset so that ``state`` gives ``command`` inside the limits, if it does not anyway.
 
     The estimates stay what they are. A disturbance estimate made to fit instead would be wrong by
-    as much, and its correction would drive the plant the wrong way first.
+    as much, and its correction would drive the plant the wrong way first. What the law asks for
+    beyond what is usual is the noise of one sample, which a slow loop would integrate for long: so
+    that part decays with the inner observer.
     """
     raw = raw_command(design, state)
     if clamp(design, raw) != command:
-        state.offset[0] += command - raw
+        law = raw - state.offset[0] - state.offset[1]
+        state.offset[1] = 2.0 * state.usual[0] - state.usual[1] - law  # it does not lag a ramp
+        state.offset[0] += command - raw_command(design, state)
 
 
 def rejoin(design: Design, reference: Vector, state: State, applied: float, dt: float) -> None:
@@ -302,67 +321,23 @@ def rejoin(design: Design, reference: Vector, state: State, applied: float, dt: 
     if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
         command = limit(design, raw_command(design, state), applied, dt)[0]
         copy_vector(reference, state.profile)
-        if limit(design, raw_command(design, state), applied, dt)[0] != command:
-            meet(design, state, command)
+        raw = raw_command(design, state)
+        if limit(design, raw, applied, dt)[0] != command:
+            state.offset[0] += command - raw
 
 
 def approach(design: Design, start_value: float, state: State) -> None:
     """Let the profile rest at ``start_value``; error-based estimates move along with it."""
+    before = raw_command(design, state)
     for i in range(design.order + 1):
         origin = start_value if i == 0 else 0.0
         if design.error_based:  # d_1 is of L - r^(n)
             for k in range(design.levels if i < design.order else 1):
                 state.levels[k][i] += state.profile[i] - origin
         state.profile[i] = origin
-
-
-def retune(
-    old: Design,
-    new: Design,
-    state: State,
-    reference: Vector,
-    applied: float,
-    dt: float,
-) -> State:
-    """
-    Return ``state`` of ``old`` as one of ``new`` that gives the same command.
-
-    Output and derivative estimates are kept. d_1 takes over what the levels that go away
-    estimated, and is re-solved for the new b0, for which L = y^(n) - b0 u is another one. Where
-    the command, limited as it is, would still be another one, the difference becomes the offset.
-    ``reference``, ``applied`` and ``dt`` are those of the step that led to ``state``. Plant order
-    is fixed.
-    """
-    n = new.order
-    after = blank_state(new)
-    after.profile[:] = state.profile
-    if new.tracking_acceleration <= 0.0:
-        after.profile[:] = reference
-    for k in range(new.levels):
-        source = state.levels[min(k, old.levels - 1)]
-        for i in range(n):
-            after.levels[k][i] = source[i]
-            if old.error_based:
-                after.levels[k][i] += state.profile[i]
-            if new.error_based:
-                after.levels[k][i] -= after.profile[i]
-        if k < old.levels:
-            for i in range(n, min(old.states, new.states)):
-                after.levels[k][i] = source[i]
-    for k in range(new.levels, old.levels):
-        after.levels[0][n] += state.levels[k][n]
-    if old.error_based:
-        after.levels[0][n] += state.profile[n]
-    if new.error_based:
-        after.levels[0][n] -= after.profile[n]
-    after.levels[0][n] += (old.b0 - new.b0) * applied
-    after.offset[0] = state.offset[0]
-    after.risen[0] = state.risen[0]
-    copy_vector(state.waited, after.waited)
-    command = limit(old, raw_command(old, state), applied, dt)[0]
-    if limit(new, raw_command(new, after), applied, dt)[0] != command:
-        meet(new, after, command)
-    return after
+    change = raw_command(design, state) - before
+    state.usual[0] += change
+    state.usual[1] += change
 
 
 def _restart(
@@ -380,6 +355,7 @@ def _restart(
         profile = reference
     rest(design, measurement, applied, profile[0], out)
     copy_vector(profile, out.profile)
+    out.usual[0] = out.usual[1] = raw_command(design, out)
     out.risen[0] = state.risen[0]
     meet(design, out, applied)
     return clamp(design, applied), RESTARTED
