@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from math import nan
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from hypothesis import given, strategies
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.cli import demo
 from nadrc_ros.records.history import append_parameters, Change, History, read_history
 from nadrc_ros.report.columns import Array
 from nadrc_ros.report.moments import moments_of, text_of
@@ -14,6 +17,7 @@ from nadrc_ros.report.spectrum import command_spectrum
 from nadrc_ros.report.subject import read_subjects
 from nadrc_ros.report.thinning import kept
 from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, sampled
+from nadrc_ros.scenario import loads
 import numpy as np
 import pytest
 from report_helpers import describe, record
@@ -79,6 +83,24 @@ def test_the_truth_is_that_for_b0_of_the_controller_at_its_time(tmp_path: Path) 
     b0 = np.where(subject.time < 1.0, 2.0, 4.0)
     np.testing.assert_allclose(subject.truth, recorded + (1.0 - b0) * u, atol=1e-12)
     assert referred([0.0], [2.0], [1.0], [(0.0, 3.0)], [(0.0, 1.0)]).tolist() == [5.0]
+
+
+def test_the_picture_of_a_demo_takes_the_recorded_time_of_a_retune(tmp_path: Path) -> None:
+    scenario = loads(
+        'plant: paper\nreference: cosine\n'
+        'controllers: {mine: {b0: 2}}\nretune: [{time: 0.9, b0: 4}]\n'
+    )
+    run = record(tmp_path)
+    describe(run, '/mine', b0=2.0)
+    append_parameters(run, 1.0, '/mine/controller', {'b0': 4.0})
+    (subject,) = read_subjects([run]).values()
+    seen: Any = SimpleNamespace(samples=subject.run.columns)
+    np.testing.assert_array_equal(
+        demo._truth(scenario, 'mine', seen, subject.history), subject.truth
+    )
+    unknown = demo._truth(scenario, 'mine', seen, History())  # as in a short run in lockstep
+    recorded = subject.run.columns['total_disturbance']
+    np.testing.assert_allclose(unknown, recorded - subject.command, atol=1e-12)
 
 
 def test_the_code_of_a_plant_that_a_record_names_is_not_run(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.plant import LONGEST_STALL, PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.history import read_history
-from nadrc_ros.records.recording import read_samples, SAMPLES, STAMPS
+from nadrc_ros.records.recording import read_samples, SAMPLES, STAMPS, summarise
 from probe import Probe
 import pytest
+from rosgraph_msgs.msg import Clock
 
 RATE = 100.0
 
@@ -180,3 +181,39 @@ def test_a_second_publisher_is_no_loss_and_shifts_no_time(
     own = [(t, y) for t, y in zip(rows['time'], rows['measurement']) if y > 0.0]
     assert [y for _, y in own] == [0.1 * k for k in range(1, 23)]
     assert own[-1][0] == pytest.approx(21 * PERIOD, rel=0.3)
+
+
+def test_in_simulated_time_rows_are_of_that_clock_and_time_stands_still_where_it_goes_back(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    probe = make_probe(parameters={'recorder': {'directory': str(tmp_path), 'use_sim_time': True}})
+    recorder = probe.add(RecorderNode())
+    clock = probe.node.create_publisher(Clock, '/clock', 10)
+    send = {name: probe.publisher(name) for name in ('reference', 'measurement', 'command')}
+    probe.wait_until(lambda: clock.get_subscription_count() and probe.readers('command'))
+    losses = recorder.intake.losses
+
+    def go_to(seconds: float) -> None:
+        now = Clock()
+        now.clock.sec, now.clock.nanosec = divmod(round(seconds * 1e9), 10**9)
+        clock.publish(now)
+        probe.wait_until(lambda: recorder.get_clock().now().nanoseconds == round(seconds * 1e9))
+        for name, value in (('reference', 1.0), ('measurement', 0.0), ('command', 2.0)):
+            heard = losses[name].newest
+            send[name](value)
+            probe.wait_until(lambda: losses[name].newest > heard)  # noqa: B023
+
+    for k in range(40):
+        go_to(1000.0 + 0.5 * k)
+    for k in range(40):
+        go_to(3.0 + 0.5 * k)
+    folder = recorder.folder.path
+    assert probe.trigger('recorder/reset').success
+    rows, found = read_samples(folder), summarise(folder)
+    assert list(rows)[-1] == 'level_2'  # stamps would be those of another clock
+    assert len(rows['time']) == 80
+    steps = [b - a for a, b in pairwise(rows['time'])]
+    assert steps[39] == pytest.approx(0.0, abs=1e-6)
+    assert min(steps) > 0.0 and [*steps[:39], *steps[40:]] == pytest.approx([0.5] * 78)
+    assert found['metrics']['iae'] == pytest.approx(39.5, abs=0.1)
+    assert found['rate'] == pytest.approx(2.0)
