@@ -51,11 +51,15 @@ def test_an_output_of_ascii_shows_what_stands_for_the_rest(tmp_path: Path) -> No
     assert nadrc('design', '--help', PYTHONIOENCODING='latin-1').returncode == 0
 
 
-@pytest.mark.parametrize('arguments', [SIMULATE, DESIGN, ('--help',)], ids=lambda each: each[0])
-def test_a_reader_that_goes_away_is_no_news(arguments: tuple[str, ...]) -> None:
+REPORT = ('report', 'log.csv', '--static', 'log.png')
+
+
+@pytest.mark.parametrize('arguments', [SIMULATE, REPORT, ('--help',)], ids=lambda each: each[0])
+def test_a_reader_that_goes_away_is_no_news(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / 'log.csv').write_text('t,y,u\n' + ''.join(f'{k},{k},1\n' for k in range(9)))
     reading, writing = os.pipe()
     os.close(reading)
-    done = nadrc(*arguments, stdout=writing)
+    done = nadrc(*arguments, stdout=writing, cwd=tmp_path)
     os.close(writing)
     assert done.returncode == 1
     for word in ('Traceback', 'Errno', 'pipe'):
@@ -96,10 +100,9 @@ def test_no_number_and_no_name_is_broken_at_any_width(screen: StringIO) -> None:
         assert sum(f'largest {k} after the start' in line for line in lines) == 1
 
 
-@pytest.mark.parametrize('screen', [80], indirect=True)
-def test_units_in_brackets_are_shown(screen: StringIO) -> None:
-    print_columns('', [Text('a[b]')], [Row('median [ms]', 'of [it]', [Text('1')])])
-    assert screen.getvalue().split() == ['a[b]', 'median', '[ms]', 'of', '[it]', '1']
+def test_units_in_brackets_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    print_columns('[a]', [Text('a[b]')], [Row('median [ms]', 'of [it]', [Text('1')])])
+    assert capsys.readouterr().out.split() == ['[a]', 'a[b]', 'median', '[ms]', 'of', '[it]', '1']
 
 
 def test_help_shows_every_word_of_every_option(monkeypatch: pytest.MonkeyPatch) -> None:
