@@ -7,24 +7,30 @@ Four plants in closed loop, each with noise and a disturbance, simulated with 10
 as the recorder writes and read as the command reads: the paper's (26) with a gain that varies by
 20 %, a chain of order 3 with damping, a motor whose current lags and whose load steps, and a
 pendulum that goes upright and is pushed. The order is given, but for the first seeds: there it is
-found, too.
+found, too. Then the plants of :mod:`bench.other_plants` with 12 seeds, with the order open and
+with it given. An order that is not the plant's counts as an interval that does not hold the truth.
 
 Keys: ``identify.<plant>.covered`` share of intervals that hold the truth, ``.width`` the widest
 half interval over its estimate, ``.bias`` mean of the estimates over the truth minus 1,
-``.scatter`` their standard deviation over the truth, ``.order`` share of orders found right.
+``.scatter`` their standard deviation over the truth, ``.order`` share of orders found right;
+``identify_others.<plant>.open_held`` and ``.given_held`` intervals that hold the truth,
+``.open``, ``.given`` answers, ``.width`` half the seeds have a narrower half interval.
 Samples: estimate, standard error and order of each seed, by plant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+import re
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import attrs
+from bench.other_plants import CASES
 from bench.results import save, show
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.figures import RunSettings
 from nadrc_ros.records.recorded_run import read_run
 from nadrc_ros.records.recording import RunFolder
@@ -32,8 +38,9 @@ from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import log_of
+import numpy as np
 
-SEEDS, ORDER_SEEDS = 100, 10
+SEEDS, ORDER_SEEDS, OTHER_SEEDS = 100, 10, 12
 COLUMNS = ('time', 'reference', 'measurement', 'command', 'output')
 PAPER = """
 plant: {name: paper, a3: 0.2}
@@ -100,7 +107,10 @@ def estimate(task: tuple[Scenario, int, bool]) -> Found:
     order = None if blind else scenario.plant.make().order
     with TemporaryDirectory() as directory:
         run = read_run(record(scenario.changed(seed=seed), Path(directory)))
-    plant = identify(log_of(run), order)
+    try:
+        plant = identify(log_of(run), order)
+    except UserError:
+        return float('nan'), float('nan'), 0
     return plant.b0.value, plant.b0.error, plant.order
 
 
@@ -130,10 +140,61 @@ def study(
     return {name: figures(cases[name], found, blind) for name, found in samples.items()}, samples
 
 
-def main(seeds: int = SEEDS, **where: Any) -> None:
+def try_other(task: tuple[str, int, bool]) -> Found | str:
+    """Return what is found of a plant that is not the package's, or why nothing is."""
+    name, seed, blind = task
+    try:
+        plant = identify(log_of(CASES[name].log(seed)), None if blind else CASES[name].order)
+    except UserError as refusal:
+        return str(refusal)
+    return plant.b0.value, plant.b0.error, plant.order
+
+
+def holds(name: str, found: Found) -> bool:
+    b0, error, order = found
+    return abs(b0 - CASES[name].b0.get(order, float('nan'))) <= 1.959964 * error
+
+
+def study_others(
+    names: Iterable[str], seeds: int = OTHER_SEEDS
+) -> tuple[dict[str, dict[str, float]], dict[str, list[Found]], dict[str, list[str]]]:
+    """Return figures and estimates by plant, and the reasons of refusals."""
+    rows: dict[str, dict[str, float]] = {}
+    samples: dict[str, list[Found]] = {}
+    reasons: dict[str, list[str]] = {}
+    with ProcessPoolExecutor() as executor:
+        for name in names:
+            row, half = {}, []
+            for kind in ('open', 'given'):
+                tasks = [(name, seed, kind == 'open') for seed in range(seeds)]
+                found = list(executor.map(try_other, tasks))
+                answers = [f for f in found if not isinstance(f, str)]
+                row[f'{kind}_held'] = float(sum(holds(name, f) for f in answers))
+                row[kind] = float(len(answers))
+                half += [1.959964 * error / abs(b0) for b0, error, _ in answers]
+                samples[f'{name}, {kind}'] = answers
+                reasons.setdefault(name, []).extend(f for f in found if isinstance(f, str))
+            rows[name] = row | {'width': float(np.median(half)) if half else float('nan')}
+    return rows, samples, reasons
+
+
+def main(seeds: int = SEEDS, other_seeds: int = OTHER_SEEDS, **where: Any) -> None:
     found, samples = study(scenarios(), seeds)
     save('identify', found, samples, **where)
     show('identify', found, f'{seeds} seeds; width and bias relative to b0')
+    rows, others, reasons = study_others(CASES, other_seeds)
+    save('identify_others', rows, others, **where)
+    total = {key: sum(row[key] for row in rows.values()) for key in next(iter(rows.values()))}
+    share = [total[f'{kind}_held'] / total[kind] for kind in ('open', 'given')]
+    show(
+        'identify, plants it was not built on',
+        rows,
+        f'{other_seeds} seeds; held {100 * share[0]:.1f} % with the order open, '
+        f'{100 * share[1]:.1f} % with it given',
+    )
+    for name, said in reasons.items():
+        for reason in sorted({re.sub(r'[-+]?\d[\d.e+-]*', '..', text) for text in said}):
+            print(f'{name}: refused {len(said)} times: {reason}')
 
 
 if __name__ == '__main__':

@@ -87,10 +87,10 @@ class Case:
         """Return what a recorder would have written; noise, disturbance and phase are random."""
         rng = np.random.default_rng(seed)
         count = int(self.seconds / self.h)
-        t = self.h * np.arange(count)
-        r = self.reference(t + 0.03 * self.seconds * rng.uniform())
+        t: Array = self.h * np.arange(count, dtype=np.float64)
+        r: Array = np.asarray(self.reference(t + 0.03 * self.seconds * rng.uniform()), float)
         slow = np.exp(-self.h / (0.02 * self.seconds))
-        pushes = lfilter([1.0], [1.0, -slow], rng.normal(size=count)) * np.sqrt(1.0 - slow**2)
+        pushes: Array = lfilter([np.sqrt(1.0 - slow**2)], [1.0, -slow], rng.normal(size=count))
         y, u = self._loop(r, self.disturbance * pushes, self.noise * rng.normal(size=count))
         kept = np.arange(count)
         if self.repeated:

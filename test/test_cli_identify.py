@@ -169,3 +169,19 @@ def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path:
 
 def test_help_has_an_example() -> None:
     assert 'Example: nadrc identify runs/' in nadrc('identify', '--help').output
+
+
+def test_what_was_found_is_printed_before_what_cannot_be_set(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nadrc_ros.tuning.identification import advice
+
+    monkeypatch.setattr(advice, 'CONTROLLER', 1e-6)
+    done = nadrc('identify', run, '--order', 1)
+    assert done.exit_code == 1
+    assert done.output.index('b0') < done.output.index('controller_bandwidth = ')
+
+
+def test_a_b0_of_another_order_is_asked_for_its_order(run: Path) -> None:
+    assert 'give its order: --order' in nadrc('identify', run, '--b0', 50).output
+    assert 'give its order' not in nadrc('identify', run, '--b0', 50, '--order', 1).output

@@ -111,6 +111,7 @@ def identify(
         with working(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
+        _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)
         advice = advise(plant, log)
         described = dump(scenario_of(plant, log, advice.settings)) if scenario else ''
     with reporting():
@@ -121,7 +122,6 @@ def identify(
             write_whole(out, parameter_text({ANY_CONTROLLER: parameters}).encode())
         if scenario is not None:
             write_whole(scenario, described.encode())
-        _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)
         for line in _verdict(plant, advice, b0):
             typer.echo(line)
         for doubt in plant.doubts:
@@ -189,6 +189,8 @@ def _print_table(title: str, plant: 'Plant') -> None:
     if plant.lateness is not None:
         late = f'{1e3 * plant.lateness.value:.3g}'
         rows.append((plant.late, late, 'ms, ' + _interval(plant.lateness, 1e3)))
+    if plant.dry:
+        rows.append((plant.dry, '', 'found, and allowed for'))
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify='right', no_wrap=True)
@@ -247,4 +249,7 @@ def _compared(plant: 'Plant', advice: 'Advice', b0: float) -> str:
     margins = advice.margins
     inside = margins.gain_low**0.5 <= 1.0 / ratio <= margins.gain_high**0.5
     worth = 'tolerable' if inside and factor <= TOLERABLE else 'worth a change'
-    return f'b0 = {b0:g} is {factor:.2f} times too {way}: {worth}.'
+    said = f'b0 = {b0:g} is {factor:.2f} times too {way}: {worth}'
+    if len(plant.unexplained) == 1 or factor <= TOLERABLE:
+        return said + '.'
+    return f'{said}. If it is no b0 of order {plant.order}, give its order: --order.'

@@ -3,8 +3,9 @@ The plant behind a log: order, input gain b0 with its 95 % interval, damping, la
 
 Assumed: y^(n) = b0 u + a . (y, ..., y^(n-1)) + d, with a disturbance that is slow against the
 noise bandwidth and does not go with the reference, white measurement noise, and a command held
-over each period. What does not fit (gains that vary, friction, stiffness that bends) is part of d
-and widens the interval as far as it does not go with the reference. Method and sources:
+over each period; dead time, one lag, dry friction or backlash where the log shows them. What does
+not fit (gains that vary, stiffness that bends, more lags) is part of d and widens the interval.
+Method and sources: :mod:`nadrc_ros.tuning.identification.candidates` and
 :mod:`nadrc_ros.tuning.identification.estimate`; for filters and polynomial models of continuous
 time also Unbehauen and Rao (Automatica 26, 1990) and Garnier and Wang (Springer, 2008).
 """
@@ -26,6 +27,8 @@ import numpy as np
 ORDERS = (1, 2, 3)
 # Bandwidths of the prefilters that are tried, relative to that of the noise model.
 BANDS = (1.0, 0.5, 0.25)
+# A slower one is taken where its error is that much smaller: the smallest of several flatters.
+BETTER = 0.6
 # A slower one whose error is that many times as large tells nothing of the model.
 TELLING = 2.0
 # An interval wider than that many times the estimate on either side is no estimate.
@@ -50,7 +53,9 @@ class Plant:
         -a_(n-1) of y^(n) = -damping y^(n-1) + ... [1/s]; its inverse is a time constant if the
         lower coefficients are small.
     late, lateness
-        '' or 'delay' or 'lag', and how long [s].
+        '', 'delay', 'lag' or 'delay and lag', and how long [s].
+    dry
+        '', or 'friction' or 'backlash', without which the log is explained worse.
     noise
         Standard deviation of the measurement noise.
     disturbance_bandwidth
@@ -72,6 +77,7 @@ class Plant:
     damping: Estimate
     late: str
     lateness: Estimate | None
+    dry: str
     noise: float
     disturbance_bandwidth: float
     unexplained: dict[int, float]
@@ -118,6 +124,7 @@ def identify(log: Log, order: int | None = None) -> Plant:
         damping=Estimate(value=-top.value, error=top.error),
         late=late,
         lateness=total(estimates[1 + chosen.form.order :]),
+        dry=chosen.form.dry,
         noise=min(noise_deviation(log.measurement), deviation(log, refined, chosen.bandwidth)),
         disturbance_bandwidth=chosen.bandwidth,
         unexplained={
@@ -132,7 +139,7 @@ def identify(log: Log, order: int | None = None) -> Plant:
 
 def in_the_best_band(log: Log, chosen: Fit) -> tuple[Fit, list[Estimate]]:
     """
-    Return the fit and its estimates behind the prefilter that leaves b0 the smallest error.
+    Return the fit and its estimates behind the prefilter that leaves b0 a small error.
 
     What a model leaves out, lags and backlash, acts most in the fast band where the innovations
     are smallest. Slower prefilters tell the same of a plant that is as the model is (Hausman,
@@ -152,7 +159,10 @@ def in_the_best_band(log: Log, chosen: Fit) -> tuple[Fit, list[Estimate]]:
             f'stalls or commands act at odd times: {ADVICE}'
         )
     gains = [estimates[0] for _, estimates in found]
-    best = min(range(len(gains)), key=lambda k: gains[k].error)
+    best = 0
+    for k, gain in enumerate(gains):
+        if gain.error < BETTER * gains[best].error:
+            best = k
     own = gains[best]
     telling = [slow for slow in gains[best + 1 :] if slow.error < TELLING * own.error]
     apart = [(abs(slow.value - own.value), slow.error) for slow in telling]

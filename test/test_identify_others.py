@@ -1,0 +1,132 @@
+"""Logs of plants that the estimator was not built on: one of each kind, from the bench."""
+
+from __future__ import annotations
+
+from bench.identify import study_others
+from bench.other_plants import CASES
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.tuning.identification.delays import likely_delays
+from nadrc_ros.tuning.identification.estimate import is_open
+from nadrc_ros.tuning.identification.fit import fit_direct
+from nadrc_ros.tuning.identification.identify import identify, Plant
+from nadrc_ros.tuning.identification.log import log_of
+from nadrc_ros.tuning.identification.motion import direction, noise_deviation, rate_of
+from nadrc_ros.tuning.identification.predictor import Form, Log
+import numpy as np
+import pytest
+
+
+def plant_of(name: str, order: int | None) -> Plant:
+    """Return what is found of one log, of which the interval must hold the truth."""
+    plant = identify(log_of(CASES[name].log(seed=0)), order)
+    assert plant.b0.low <= CASES[name].b0[plant.order] <= plant.b0.high
+    return plant
+
+
+@pytest.mark.parametrize(
+    ('name', 'order', 'delay'),
+    [
+        ('heater, dead time', None, 3.0),
+        ('pump, no history', None, 0.17),
+        ('conveyor, 300 periods late', 1, 60.0),
+    ],
+)
+def test_dead_time_is_found_before_it_can_pass_for_an_order(
+    name: str, order: int | None, delay: float
+) -> None:
+    plant = plant_of(name, order)
+    assert (plant.order, plant.late) == (1, 'delay')
+    assert plant.lateness is not None and plant.lateness.value == pytest.approx(delay, rel=0.03)
+    assert plant.b0.half_width < 0.15
+
+
+@pytest.mark.parametrize('periods', [0, 7, 150])
+def test_all_delays_are_tried_at_once(periods: int) -> None:
+    """Under a periodic command, a delay of a period more is as good; the first is taken."""
+    rng = np.random.default_rng(periods)
+    command = np.tile(np.repeat(rng.normal(size=20), 25), 6)
+    late = np.concatenate((np.zeros(periods), command))[: len(command)]
+    output = np.concatenate(([0.0], np.cumsum(0.01 * late)[:-1]))
+    output += rng.normal(scale=1e-4, size=len(output))
+    log = Log(measurement=output, command=command, reference=command, h=0.01)
+    found = [suggestion.periods for suggestion in likely_delays(log, 1)]
+    assert min((abs(k - periods) for k in found), default=0) <= 2
+
+
+def test_a_lag_is_not_capped() -> None:
+    plant = plant_of('oven, lag', 1)
+    assert plant.late == 'lag' and plant.lateness is not None
+    assert plant.lateness.value == pytest.approx(6.0, rel=0.05)
+    assert plant.b0.half_width < 0.05
+
+
+def test_delay_and_lag_are_told_apart() -> None:
+    plant = plant_of('oven, lag and dead time', 1)
+    assert plant.late == 'delay and lag' and plant.lateness is not None
+    assert plant.lateness.value == pytest.approx(15.0, rel=0.06)
+
+
+@pytest.mark.parametrize('name', ['standing reference', 'speed hold, reference stands'])
+def test_a_loop_whose_reference_stands_is_refused(name: str) -> None:
+    with pytest.raises(UserError, match='the reference stands at'):
+        identify(log_of(CASES[name].log(seed=0)), CASES[name].order)
+
+
+@pytest.mark.parametrize('name', ['arm, dry friction', 'cart, dry friction, moves'])
+def test_dry_friction_is_allowed_for(name: str) -> None:
+    plant = plant_of(name, 2)
+    assert plant.dry == 'friction' and plant.b0.half_width < 0.15
+
+
+def test_a_reference_that_comes_at_odd_times_costs_little() -> None:
+    assert plant_of('axis, 30 % of reference late', 2).b0.half_width < 0.03
+
+
+@pytest.mark.parametrize('name', ['arm, wide backlash', 'oven, coarse sensor', 'servo, encoder'])
+def test_backlash_and_coarse_sensors_are_in_the_interval(name: str) -> None:
+    assert plant_of(name, CASES[name].order).b0.half_width < 0.06
+
+
+def test_an_open_loop_needs_no_reference() -> None:
+    plant = plant_of('tank, open loop', 1)
+    assert plant.instruments and not plant.doubts
+
+
+@pytest.mark.parametrize(
+    'name', ['tank, open loop', 'exchanger, open loop', 'wheel, saturated', 'servo, encoder']
+)
+def test_an_answer_of_the_command_is_known_as_that(name: str) -> None:
+    log = log_of(CASES[name].log(seed=0))
+    found = is_open(log, fit_direct(log, Form(order=CASES[name].order)))
+    assert found == name.endswith('open loop')
+
+
+def test_kinks_of_the_motion_are_no_noise() -> None:
+    rng = np.random.default_rng(2)
+    steps = np.repeat([0.0, 1.0, -0.5, 0.3, 1.2, 0.0, 0.9, -1.0], 100)
+    noise = rng.normal(scale=1e-3, size=len(steps))
+    assert noise_deviation(steps + noise) == pytest.approx(1e-3, rel=0.15)
+
+
+def test_a_coarse_sensor_has_noise() -> None:
+    t = 0.01 * np.arange(5000)
+    assert 0.01 < noise_deviation(0.1 * np.round(np.sin(t) / 0.1)) < 0.1
+
+
+def test_the_way_is_told_where_noise_leaves_it() -> None:
+    t = 0.01 * np.arange(2000)
+    noise = np.random.default_rng(1).normal(size=len(t))
+    moving = rate_of(np.sin(t) + 1e-4 * noise, 0.01)
+    assert moving is not None
+    fast = np.abs(np.cos(t)) > 0.1
+    np.testing.assert_array_equal(direction(*moving)[fast], np.sign(np.cos(t))[fast])
+    assert rate_of(np.sin(t) + 3.0 * noise, 0.01) is None
+
+
+def test_the_bench_counts_intervals_and_names_refusals() -> None:
+    names = ['tank, open loop', 'standing reference']
+    rows, samples, reasons = study_others(names, seeds=1)
+    assert rows['tank, open loop']['open_held'] == rows['tank, open loop']['given'] == 1.0
+    assert rows['standing reference']['open'] == 0.0
+    assert len(reasons['standing reference']) == 2 and not reasons['tank, open loop']
+    assert len(samples['tank, open loop, given']) == 1
