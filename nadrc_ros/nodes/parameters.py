@@ -154,7 +154,8 @@ def refuse_unknown(node: Node, elsewhere: Iterable[str] = ()) -> None:
     Refuse a parameter that was given at start but that the node does not have.
 
     To be called when the topics are there, as each brings the parameters of its QoS. Those of
-    topics in the namespaces ``elsewhere`` are for other nodes of the process.
+    topics in the namespaces ``elsewhere`` are for other nodes of the process, and those of any
+    topic that ask for what is so anyway do no harm: a dump has them, with the names of its topics.
 
     Raises
     ------
@@ -164,8 +165,18 @@ def refuse_unknown(node: Node, elsewhere: Iterable[str] = ()) -> None:
     """
     passed = _FOREIGN[0], _FOREIGN[2], *(f'{_QOS}{space}/' for space in elsewhere)
     for name, parameter in node._parameter_overrides.items():
-        if not node.has_parameter(name) and not name.startswith(passed):
+        if node.has_parameter(name) or name.startswith(passed):
+            continue
+        if not _is_so_anyway(node, name, parameter.value):
             raise SettingError(name, parameter.value, _known(node, name))
+
+
+def _is_so_anyway(node: Node, name: str, value: Any) -> bool:
+    """Tell whether a policy of QoS is what our topics of that kind have."""
+    kind = '.'.join(['', *name.split('.')[-2:]])
+    own = [n for n in node._parameters if n.startswith(_QOS) and n.endswith(kind)]
+    values = {node.get_parameter(n).value for n in own}
+    return name.startswith(_QOS) and values == {value}
 
 
 def _known(node: Node, name: str) -> str:

@@ -132,7 +132,7 @@ class Rivals:
             return
         self.hearing = wanted
         if wanted:
-            self._input = receive(self._node, 'command', self._take, HEAR)
+            self._input = receive(self._node, 'command', self._take, HEAR, fixed=True)
         elif self._input is not None:
             self._node.destroy_subscription(self._input.subscription)
 

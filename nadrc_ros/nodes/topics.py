@@ -117,8 +117,9 @@ def receive(
     *,
     silence: bytes | None = OK,
     sole: bool = False,
+    fixed: bool = False,
 ) -> Input:
-    """Subscribe ``callback(value, info)`` to a topic."""
+    """Subscribe ``callback(value, info)`` to a topic; if ``fixed``, YAML cannot change its QoS."""
     qos = copy.copy(qos)  # rclpy writes overrides into it
     heard = Input(topic=node.resolve_topic_name(topic), qos=qos, silence=silence, sole=sole)
 
@@ -133,7 +134,7 @@ def receive(
         call,
         qos,
         event_callbacks=SILENT,
-        qos_overriding_options=_overridable(topic, qos),
+        qos_overriding_options=None if fixed else _overridable(topic, qos),
         raw=True,
     )
     return heard

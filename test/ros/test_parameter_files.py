@@ -78,6 +78,24 @@ def test_p13_a_renamed_node_is_told_what_to_write_in_a_file_of_our_tools(
     assert probe.get('yaw', 'command_max') == [1.0]
 
 
+def test_what_a_node_shows_starts_one_of_another_name_and_namespace(
+    probe: Probe, start: Processes, tmp_path: Path
+) -> None:
+    """A dump has the QoS of topics that are called otherwise then."""
+    start('controller', **LIMITED)
+    shown = probe.all_parameters('controller')
+    assert any(name.startswith('qos_overrides.') for name in shown)
+    file = parameter_file(tmp_path / 'dump.yaml', {'/**/yaw': shown})
+    moved = ('-r', '__node:=yaw', '-r', 'measurement:=heading')
+    start('controller', *moved, namespace=f'{start.namespace}/arm', file=file)
+    assert probe.get('arm/yaw', 'command_max') == [1.0]
+    reliable = f'qos_overrides.{start.namespace}/measurement.subscription.reliability'
+    file = parameter_file(file, {'/**/yaw': shown | {reliable: 'reliable'}})
+    process = start('controller', *moved, namespace=f'{start.namespace}/leg', file=file)
+    assert process.end() == 1
+    assert f"{reliable} = 'reliable': must be a parameter of yaw: qos_over" in process.said
+
+
 def test_p13_a_file_for_our_other_nodes_alone_is_no_secret(
     probe: Probe, start: Processes, tmp_path: Path
 ) -> None:
