@@ -7,6 +7,7 @@ from math import inf, nan
 from pathlib import Path
 from typing import Any
 
+from nadrc_ros.adrc.settings import SLOWEST
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.parameters import _FOREIGN
 from nadrc_ros.nodes.plant import PlantNode
@@ -65,7 +66,7 @@ REFUSED = [
     ('inner_bandwidth', '60.0'),
     ('inner_bandwidth', True),
     ('inner_bandwidth', [60.0]),
-    ('inner_bandwidth', 1e-3 * (1.0 - 1e-7)),
+    ('inner_bandwidth', SLOWEST * (1.0 - 1e-7)),
     ('b0', 0.0),
     ('levels', 2.0),
     ('levels', 0),
