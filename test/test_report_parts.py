@@ -10,7 +10,16 @@ from typing import Any
 from hypothesis import given, strategies
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli import demo
-from nadrc_ros.records.history import append_parameters, Change, History, read_history
+from nadrc_ros.records.history import (
+    append_event,
+    append_parameters,
+    Change,
+    Event,
+    EVENTS,
+    History,
+    read_history,
+)
+from nadrc_ros.report import tables
 from nadrc_ros.report.columns import Array
 from nadrc_ros.report.moments import moments_of, text_of
 from nadrc_ros.report.spectrum import command_spectrum
@@ -101,6 +110,20 @@ def test_the_picture_of_a_demo_takes_the_recorded_time_of_a_retune(tmp_path: Pat
     unknown = demo._truth(scenario, 'mine', seen, History())  # as in a short run in lockstep
     recorded = subject.run.columns['total_disturbance']
     np.testing.assert_allclose(unknown, recorded - subject.command, atol=1e-12)
+
+
+def test_what_happened_is_listed_in_order(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    assert tables.events(read_subjects([run])) == ''
+    append_event(run, Event(None, '/mine/controller', 'enable', 'enabled'))
+    append_event(run, Event(2.0, '/mine/recorder', 'gap', 'no <measurement>'))
+    append_event(run, Event(1.5, '/mine/controller', 'mode', 'holding'))
+    found = tables.events(read_subjects([run]))
+    assert found.index('holding') < found.index('no &lt;measurement&gt;')
+    assert 'enabled' not in found  # that was before the run
+    (run / EVENTS).write_text('{"time": 1.0, "node": "/mine"}\n')
+    with pytest.raises(UserError, match=r'events\.jsonl, line 1'):
+        read_history(run)
 
 
 def test_the_code_of_a_plant_that_a_record_names_is_not_run(tmp_path: Path) -> None:
