@@ -9,7 +9,7 @@ SHELL := bash
 PYTHON ?= python3
 ARGS ?=
 BENCHES := step simulate many ros_latency axes start_up robustness identify
-MIN_TESTS := 2700# `make test` fails when fewer are collected: raise it with the suite
+MIN_TESTS := 3731# `make test` fails when fewer are collected, without test/ros; when there are more it says what to write here
 VENV := .venv
 PY := $(VENV)/bin/python
 
@@ -53,6 +53,7 @@ test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
+	[ "$$n" -le $(MIN_TESTS) ] || echo "make: there are $$n tests by now: let the Makefile say MIN_TESTS := $$n"
 	python -m pytest -n 3 --dist worksteal test/ros examples # on their own; they wait most of the time
 
 soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repeats those of that run)

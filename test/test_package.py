@@ -39,14 +39,16 @@ def test_every_import_of_ros_is_a_dependency() -> None:
     depends = {element.text for element in MANIFEST if element.tag.endswith('depend')}
     imported = {
         name
-        for path in (ROOT / 'nadrc_ros').rglob('*.py')
+        for folder in ('nadrc_ros', 'launch')
+        for path in (ROOT / folder).rglob('*.py')
         for name in re.findall(
-            r'^\s*(?:from|import) (rclpy|\w+_msgs|\w+_srvs|rcl_interfaces|ament_index_python)\b',
+            r'^\s*(?:from|import) '
+            r'(rclpy|\w+_msgs|\w+_srvs|rcl_interfaces|ament_index_python|launch|launch_ros)\b',
             path.read_text(encoding='utf-8'),
             re.MULTILINE,
         )
     }
-    assert imported and imported <= depends
+    assert {'rclpy', 'launch', 'launch_ros'} <= imported <= depends
 
 
 @pytest.mark.parametrize('name', ['controller', 'plant', 'reference', 'recorder'])

@@ -79,6 +79,18 @@ def test_a_node_takes_a_signal_from_a_file_and_names_what_is_wrong_with_it(
             ReferenceNode(parameters=parameters)
 
 
+def test_a_plant_of_one_step_in_minutes_takes_each_of_them(make_probe: Make) -> None:
+    slow = {'rate': 0.01, 'start': 'at_once', 'command_timeout': 0.0, 'safe_command': 1.0}
+    probe = make_probe(parameters={'plant': PLANT | slow})
+    plant = probe.add(PlantNode())
+    for k in range(3):
+        assert plant.process.k == k
+        plant.ticker._fire()
+    assert plant.process.output == pytest.approx(300.0)
+    (refusal,) = probe.set('plant', damping=1e3)
+    assert 'rate = 0.01: must be at least 0.4 Hz for this plant' in refusal
+
+
 def test_p17_a_plant_that_is_too_slow_is_told_and_runs_period_by_period(
     probe: Probe, start: Processes, tmp_path: Path
 ) -> None:
