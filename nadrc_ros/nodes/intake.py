@@ -13,9 +13,7 @@ from nadrc_ros.nodes.topics import Info, receive, RECORD
 from nadrc_ros.records.recording import NEEDED, STAMPED
 from nadrc_ros.records.rows import Gap, Row, Rows
 from rclpy.node import Node
-from rclpy.qos import ReliabilityPolicy
 
-BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 # Samples of all topics are there so long after the newest one left [ns], and without any new ones
 # after so long.
 SKEW, SILENCE = 300_000_000, 600_000_000
@@ -120,16 +118,6 @@ class Intake:
         """Return the rows that are left, and take no more samples."""
         self.open = False
         return self._rows.end()
-
-    def best_effort(self, names: list[str]) -> str:
-        """Return how to hear those that are published, but not as reliably as is asked for."""
-        for topic in (self.inputs[name].topic for name in names):
-            publishers = self._node.get_publishers_info_by_topic(topic)
-            name = f'qos_overrides.{topic}.subscription.reliability'
-            given = any(p.qos_profile.reliability == BEST_EFFORT for p in publishers)
-            if given and self._node.get_parameter(name).value != 'best_effort':
-                return f': {topic} is published as best effort, so start with {name} best_effort'
-        return ''
 
     def _taker(self, name: str) -> Any:
         def take(value: float, info: Info) -> None:

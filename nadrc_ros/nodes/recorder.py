@@ -313,9 +313,8 @@ class RecorderNode(LiveNode):
             'folder': self.folder.path,
         }
         first: list[str] = [name for name in ('measurement', 'command') if name in unheard]
-        if self.recording and self.intake is not None and first:  # without these there is no row
-            hint = self.intake.best_effort(first)
-            return WARN, f'waiting for {" and ".join(first)}{hint}', values
+        if self.recording and self.lockstep is None and first:  # without these there is no row
+            return WARN, f'waiting for {" and ".join(first)}', values
         if lost:
             return WARN, f'{lost} samples lost', values
         if gap_time:
