@@ -111,7 +111,8 @@ def test_help_shows_every_word_of_every_option(monkeypatch: pytest.MonkeyPatch) 
     context = command.make_context('nadrc', ['design'], resilient_parsing=True)
     for name in command.list_commands(context):  # type: ignore[attr-defined]
         sub = command.get_command(context, name)  # type: ignore[attr-defined]
-        shown = ' '.join(nadrc(name, '--help', COLUMNS='300').stdout.split())
+        done = CliRunner().invoke(app, [name, '--help'], env={'COLUMNS': '300'})
+        shown = ' '.join(done.output.split())
         for option in sub.params:
             said = (getattr(option, 'help', None) or '').replace('\\[', '[')
             assert said.split('.')[0] in shown, (name, option.name)
