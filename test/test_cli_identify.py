@@ -176,7 +176,7 @@ def test_what_was_found_is_printed_before_what_cannot_be_set(
 ) -> None:
     from nadrc_ros.tuning.identification import advice
 
-    monkeypatch.setattr(advice, 'CONTROLLER', 1e-6)
+    monkeypatch.setattr(advice, 'CONTROLLER', 1e-12)
     done = nadrc('identify', run, '--order', 1)
     assert done.exit_code == 1
     assert done.output.index('b0') < done.output.index('controller_bandwidth = ')
