@@ -61,8 +61,10 @@ def test_who_began_shortly_before_it_hears_another_gives_way_and_is_silent_at_on
 ) -> None:
     """Discovery may take three seconds."""
     commands = probe.listen('command')
-    node = probe.add(ControllerNode(parameters=CONTROL))
-    probe.wait_until(lambda: len(commands) > 2)
+    load = {'damping': 0.0, 'disturbance': 'constant', 'disturbance_offset': 5.0}
+    probe.add(PlantNode(parameters=PLANT | load | {'command_timeout': 0.0}))
+    node = probe.add(ControllerNode(parameters=CONTROL | {'command_rate_limit': 20.0}))
+    probe.wait_until(lambda: commands and commands[-1] < -4.0)  # a ramp to safe is seen
     timer = rival(probe, TWICE_A_SECOND)
     probe.wait_until(lambda: not node.controller.enabled)
     n = len(commands)
