@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 from bag_helpers import write_bag
@@ -13,8 +14,10 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli import identify as command
 from nadrc_ros.cli.app import app
 from nadrc_ros.records import shaping
+from nadrc_ros.records.history import append_parameters
 from nadrc_ros.records.recording import read_samples
 from nadrc_ros.scenario.files import load, loads
+from nadrc_ros.scenario.parameter_files import controller_parameters
 import pytest
 from test_identify import LAG
 from typer.testing import CliRunner
@@ -38,7 +41,14 @@ def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
     done = nadrc('identify', run, '--order', 1, '--b0', 12, *options)
     assert done.exit_code == 0, done.output
     assert 'b0 = 12 is 2.39 times too large: worth a change.' in done.output
-    assert 'Observer bandwidth: up to' in done.output and 'It is stable for b / b0' in done.output
+    for said in (
+        'Suggested start: settling time',
+        'It is stable for b / b0',
+        'Next: nadrc design ',
+    ):
+        assert said in done.output
+    assert f'Then: nadrc tune {files[1]} --budget ' in done.output
+    assert 'without command_min, command_max and safe_command' in done.output
     figures = json.loads(files[2].read_text())
     assert figures['b0']['low'] < 5.0 < figures['b0']['high']
     ((node, content),) = yaml.safe_load(files[0].read_text()).items()
@@ -46,11 +56,39 @@ def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
     parameters = content['ros__parameters']
     assert parameters.pop('rate') == 100.0
     settings = ControllerSettings(**parameters)
-    assert parameters.keys() == declared(ControllerSettings).keys()
+    unknown = {'command_min', 'command_max', 'safe_command'}
+    assert parameters.keys() | unknown == declared(ControllerSettings).keys()
+    assert not parameters.keys() & unknown
     assert settings.b0 == pytest.approx(5.0, rel=0.02) and settings.plant_order == 1
     scenario = load(files[1])
     assert scenario.controllers['identified'].b0 == settings.b0
     assert nadrc('simulate', files[1]).exit_code == 0
+
+
+def test_the_log_knows_its_controller_and_the_line_that_is_printed_makes_the_start(
+    run: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / 'run'
+    copytree(run, folder)
+    running = ControllerSettings(
+        plant_order=1, b0=12.0, structure='conventional', command_min=-9.0, command_max=9.0
+    )
+    append_parameters(folder, None, '/it/controller', controller_parameters(running, 100.0))
+    out, figures = tmp_path / 'p.yaml', tmp_path / 'f.json'
+    done = nadrc('identify', folder, '--order', 1, '--out', out, '--json', figures)
+    assert done.exit_code == 0, done.output
+    assert 'b0 = 12 is 2.39 times too large' in done.output
+    ((_, content),) = yaml.safe_load(out.read_text()).items()
+    start = content['ros__parameters']
+    assert (start['command_min'], start['command_max']) == (-9.0, 9.0)
+    line = json.loads(figures.read_text())['design'].split()
+    assert f'Next: {" ".join(line)} --out mine' in done.output
+    done = nadrc(*line[1:], '--out', tmp_path / 'mine')
+    assert done.exit_code == 0, done.output
+    ((_, content),) = yaml.safe_load((tmp_path / 'mine' / 'design.yaml').read_text()).items()
+    design = content['ros__parameters']
+    for name in ('structure', 'b0', 'inner_bandwidth', 'controller_bandwidth', 'command_max'):
+        assert design[name] == start[name], name
 
 
 @pytest.mark.parametrize(
@@ -135,7 +173,7 @@ def test_of_a_dense_log_not_every_row_is_used_and_that_is_said(
     figures = json.loads((tmp_path / 'f.json').read_text())
     assert (figures['rows_per_sample'], figures['period']) == (2, 0.01)
     assert 'rate: 100.0' in (tmp_path / 'p.yaml').read_text()  # that of the loop
-    assert figures['bandwidth_allowed_by']['rate'] == 30.0
+    assert figures['inner_bandwidth'] <= 30.0
     monkeypatch.setattr(command, 'MOST_ROWS', 1500)
     monkeypatch.setattr(shaping, 'BEND', 1.0)  # as if it were sampled ten times as densely
     assert 'every 2 rows count as one, 50 Hz; --every 1 uses' in b0_of(tmp_path, run)[1]

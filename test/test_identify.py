@@ -10,17 +10,21 @@ from typing import Any
 import attrs
 from bench.identify import scenarios, study
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.records.history import Change, History
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants.chain import Chain
-from nadrc_ros.tuning.identification.advice import advise, scenario_of
+from nadrc_ros.tuning.identification.advice import advise, limits_of, running_controller
 from nadrc_ros.tuning.identification.estimate import Estimate, robust_error
 from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import is_one_sine, log_of
 from nadrc_ros.tuning.identification.motion import noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Form, Log, plant_polynomials
+from nadrc_ros.tuning.identification.repeated import reference_text, scenario_of
+from nadrc_ros.tuning.rules import LEAST_MODULUS
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -109,7 +113,7 @@ def test_a_command_that_comes_late_is_seen_as_that(lag: RecordedRun) -> None:
     assert plant.lateness.value == pytest.approx(0.07, abs=5e-3)
     assert plant.b0.value == pytest.approx(5.0, rel=0.02)
     advice = advise(plant, log_of(lag))
-    assert advice.limit == 'lateness'
+    assert advice.limit == 'the delay' and advice.margins.modulus >= LEAST_MODULUS
     scenario = scenario_of(plant, log_of(lag), advice.settings)
     assert scenario.faults.delay(scenario.rate) == pytest.approx(0.07, abs=5e-3)
     assert scenario.run('identified').status_counts['no_measurement'] == 7
@@ -156,14 +160,32 @@ def test_a_run_that_was_not_recorded_at_the_rate_of_its_sensor_is_refused(
         log_of(with_columns(lag, measurement_stamp=0.2 * stamps))
 
 
-def test_limits_stay_of_the_sign_that_the_command_had(lag: RecordedRun) -> None:
+def test_the_limits_are_those_of_the_controller_that_ran_or_a_guess(lag: RecordedRun) -> None:
+    """Not the range seen: an arm that moved gently could then not hold its load."""
     log = log_of(lag)
-    plant = identify(log, 1)
+    running = ControllerSettings(command_min=-7.0, command_max=255.0)
+    assert limits_of(log, running) == (-7.0, 255.0)
     for shift, low, high in ((1e4, 0.0, 2e4), (-1e4, -2e4, 0.0)):
         heater = attrs.evolve(log, command=0.1 * log.command + shift)
-        found = scenario_of(plant, heater, advise(plant, heater).settings).controllers
-        assert found['identified'].command_min == pytest.approx(low, rel=1e-3)
-        assert found['identified'].command_max == pytest.approx(high, rel=1e-3)
+        assert limits_of(heater, None) == pytest.approx((low, high), rel=1e-3)
+    saturated = attrs.evolve(log, command=np.clip(log.command, 0.0, 1.0))
+    assert limits_of(saturated, None) == (0.0, 1.0)
+
+
+def test_the_controller_that_ran_is_the_one_in_the_log() -> None:
+    values = attrs.asdict(ControllerSettings(b0=3.0, command_max=12.0)) | {'rate': 50.0}
+    of_plant = {'plant': 'chain', 'order': 2}
+    history = History(parameters={'/controller': values, '/plant': of_plant})
+    running = running_controller(history)
+    assert running is not None and (running.b0, running.command_max) == (3.0, 12.0)
+    history.changes.append(Change(1.0, '/controller', 'b0', 3.0, 4.0))
+    changed = running_controller(history)
+    assert changed is not None and changed.b0 == 4.0
+    assert running_controller(attrs.evolve(history, parameters={'/plant': of_plant})) is None
+    both = {'/a/controller': values, '/b/controller': values}
+    assert running_controller(History(parameters=both)) is None
+    other = History(parameters={'/controller': values | {'structure': 'of tomorrow'}})
+    assert running_controller(other) is None
 
 
 def test_lost_rows_are_filled_in_and_change_little(lag: RecordedRun) -> None:
@@ -261,11 +283,19 @@ def test_the_noise_of_a_moving_output_is_that_around_it() -> None:
     assert noise_deviation(log.measurement) == pytest.approx(3e-3, rel=0.1)
 
 
-def test_the_scenario_to_go_on_from_has_the_plant_that_was_found(lag: RecordedRun) -> None:
+def test_the_scenario_to_go_on_from_repeats_the_experiment(
+    lag: RecordedRun, tmp_path: Path
+) -> None:
     log = log_of(lag)
     plant = identify(log, 1)
     advice = advise(plant, log)
-    scenario = scenario_of(plant, log, advice.settings)
+    reference = tmp_path / 'reference.csv'
+    reference.write_text(reference_text(log))
+    scenario = scenario_of(plant, log, advice.settings, reference)
+    result = scenario.run('identified')
+    assert scenario.duration == pytest.approx(20.0, abs=0.011)
+    shared = min(len(result.reference), len(log.reference))
+    assert np.array_equal(result.reference[:shared], log.reference[:shared])
     made = scenario.plant.make()
     assert isinstance(made, Chain)
     assert made.gain == pytest.approx(5.0, rel=0.02)
@@ -274,4 +304,5 @@ def test_the_scenario_to_go_on_from_has_the_plant_that_was_found(lag: RecordedRu
     # the load of 1 and the sine of 2 are what the gain and the damping do not explain
     assert scenario.disturbance.values['offset'] == pytest.approx(-1.0, abs=0.3)
     assert scenario.disturbance.values['amplitude'] == pytest.approx(2.0, rel=0.15)
-    assert scenario.run('identified').metrics.rmse < 0.1
+    error = log.reference - log.measurement
+    assert result.metrics.rmse < np.sqrt(np.mean(error**2))

@@ -39,6 +39,7 @@ def design(
     reference_step: Annotated[float, option(ASKED['reference_step'])] = ASKED[
         'reference_step'
     ].default,
+    one_sided: Annotated[bool, option(ASKED['one_sided'])] = ASKED['one_sided'].default,
     structure: Annotated[str, option(ASKED['structure'])] = ASKED['structure'].default,
     levels: Annotated[int, option(ASKED['levels'])] = ASKED['levels'].default,
     half_gain: Annotated[bool, option(ASKED['half_gain'])] = ASKED['half_gain'].default,

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 # A b0 that is off by more, or by more than half of the gain margin (of its decibels), is worth a
 # new one.
 TOLERABLE = 2.0
+# What only the controller that ran can tell.
+UNKNOWN = ('command_min', 'command_max', 'safe_command')
+# Effort that a tuning may spend beside that of the start: the noise of other seeds.
+MORE = 1.02
 # Of a longer log not every row is used if its motion allows it: the fit takes a minute for these.
 MOST_ROWS = 50_000
 
@@ -82,6 +86,7 @@ def identify(
             ControllerSettings(b0=b0)  # refuses what cannot be one
     with reporting(str(run)):
         import attrs
+        from nadrc_ros.records.history import read_history
         from nadrc_ros.records.recorded_run import read_run
         from nadrc_ros.records.shaping import thinned, window
         from nadrc_ros.scenario.files import dump
@@ -91,9 +96,10 @@ def identify(
             controller_parameters,
             parameter_text,
         )
-        from nadrc_ros.tuning.identification.advice import advise, rounded, scenario_of
+        from nadrc_ros.tuning.identification.advice import advise, rounded, running_controller
         from nadrc_ros.tuning.identification.identify import identify as find
         from nadrc_ros.tuning.identification.log import log_of
+        from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
         from nadrc_ros.writing import write_json, write_whole
 
         with working(f'reading {run}'):
@@ -112,18 +118,38 @@ def identify(
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
         _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)
-        advice = advise(plant, log)
-        described = dump(scenario_of(plant, log, advice.settings)) if scenario else ''
+        running = running_controller(read_history(run))
+        advice = advise(plant, log, running)
+        if b0 is None and running and running.plant_order == plant.order:
+            b0 = running.b0
     with reporting():
         if json is not None:
             write_json(json, {**_document(plant, advice, b0), 'rows_per_sample': kept})
         if out is not None:
             parameters = controller_parameters(advice.settings, rounded(recorded.rate))
+            if not advice.limits_known:
+                for name in UNKNOWN:
+                    del parameters[name]
             write_whole(out, parameter_text({ANY_CONTROLLER: parameters}).encode())
         if scenario is not None:
-            write_whole(scenario, described.encode())
+            text = reference_text(log)
+            followed = scenario.with_suffix('.csv') if text else None
+            if followed is not None:
+                write_whole(followed, text.encode())
+            repeated = scenario_of(plant, log, advice.settings, followed)
+            write_whole(scenario, dump(repeated).encode())
         for line in _verdict(plant, advice, b0):
             typer.echo(line)
+        typer.echo(f'Next: {advice.line} --out mine')
+        if scenario is not None:
+            effort = repeated.run(NAME).metrics.isu
+            typer.echo(f'Then: nadrc tune {scenario} --budget {rounded(MORE * effort, 3):g}')
+        if out is not None and not advice.limits_known:
+            low, high = log.command.min(), log.command.max()
+            complain(
+                f'{out}: without command_min, command_max and safe_command, which the log does '
+                f'not tell (its commands are {low:.4g} to {high:.4g}): set them before it runs'
+            )
         for doubt in plant.doubts:
             complain(f'{run}: {doubt}')
         if out is not None and (remark := about_reference(advice.settings)):
@@ -165,8 +191,11 @@ def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str
     return {
         **document,
         'configured_b0': b0,
-        'bandwidth_allowed_by': advice.bandwidths,
+        'settling_time': advice.design.wanted.settling_time,
+        'limited_by': advice.limit,
         'inner_bandwidth': advice.settings.inner_bandwidth,
+        'controller_bandwidth': advice.settings.controller_bandwidth,
+        'design': advice.line,
         'margins': advice.margins.as_dict(),
     }
 
@@ -219,15 +248,11 @@ def _interval(estimate: 'Estimate', scale: float = 1.0) -> str:
 
 def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]:
     lines = [] if b0 is None else [_compared(plant, advice, b0)]
-    shown = ', '.join(f'{rule} {w:g}' for rule, w in advice.bandwidths.items())
-    best = advice.settings
+    best, chosen = advice.settings, advice.design.chosen
     lines.append(
-        f'Observer bandwidth: up to {best.inner_bandwidth:g} rad/s, limited by {advice.limit} '
-        f'({shown}).'
-    )
-    lines.append(
-        f'A start: b0 {best.b0:g}, inner_bandwidth {best.inner_bandwidth:g}, outer_bandwidth '
-        f'{best.outer_bandwidth:g}, controller_bandwidth {best.controller_bandwidth:g}.'
+        f'Suggested start: settling time {advice.design.wanted.settling_time:g} s, of which '
+        f'{advice.limit} forbids much less: {chosen.name}, b0 {best.b0:g}, inner_bandwidth '
+        f'{best.inner_bandwidth:g}, controller_bandwidth {best.controller_bandwidth:g}.'
     )
     margins = advice.margins
     lines.append(

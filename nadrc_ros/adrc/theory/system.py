@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,5 +153,12 @@ def held(system: StateSpace, h: float) -> tuple[Array, Array]:
     n, m = system.b.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = system.a, system.b
-    e: Any = linalg.expm(block * h)
-    return e[:n, :n], e[:n, n:]
+    e = _exponential((block * h).tobytes(), n + m)
+    return e[:n, :n].copy(), e[:n, n:].copy()
+
+
+@lru_cache(maxsize=32)
+def _exponential(matrix: bytes, size: int) -> Array:
+    """Return the exponential: the same plant is sampled for every design that is compared."""
+    found: Any = linalg.expm(np.frombuffer(matrix).reshape(size, size))
+    return np.asarray(found, dtype=float)

@@ -81,7 +81,7 @@ def settings_of(
         inner_bandwidth=w,
         observer_gain_factor=HALF if wanted.half_gain else 1.0,
         controller_bandwidth=wc,
-        command_min=-wanted.command_limit,
+        command_min=wanted.lowest_command,
         command_max=wanted.command_limit,
         measurement_timeout=max(usual.measurement_timeout, patience),
         max_dt=max(usual.max_dt, patience),

@@ -105,8 +105,16 @@ def asked(wanted: Requirements) -> list[tuple[str, int]]:
 
 
 def single(wanted: Requirements) -> Candidate:
+    """Return one observer, and what theory expects of it."""
+    settings, decided_by = single_settings(wanted)
+    return Candidate(
+        settings=settings, decided_by=decided_by, prediction=predict(settings, wanted)
+    )
+
+
+def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
     """
-    Return one observer: 5 wc, or with a budget for the command noise the fastest up to 10 wc.
+    Return one observer, and what decided: 5 wc, or with a noise budget the fastest up to 10 wc.
 
     Slower, down to 3 wc, where sampling, delay or noise demand it.
     """
@@ -123,10 +131,7 @@ def single(wanted: Requirements) -> Candidate:
         holds = holding(test)
         if not holds(w) and holds(SLOWEST * wc):
             w, decided_by = largest(holds, SLOWEST * wc, w), name
-    settings = settings_of(wanted, 'conventional', 1, wc, readable(w))
-    return Candidate(
-        settings=settings, decided_by=decided_by, prediction=predict(settings, wanted)
-    )
+    return settings_of(wanted, 'conventional', 1, wc, readable(w)), decided_by
 
 
 def equally_noisy(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, pi
+from math import ceil, copysign, pi
 from typing import NamedTuple
 
 import attrs
@@ -91,7 +91,9 @@ def _thinned(scenario: Scenario) -> Scenario:
 
 
 def _disturbance(wanted: Requirements, start: float) -> SignalSpec:
-    values = {'amplitude': wanted.load, 'start_time': start}
+    # A command of one sign can cancel a disturbance of the other.
+    size = -copysign(wanted.load, wanted.b0) if wanted.one_sided else wanted.load
+    values = {'amplitude': size, 'start_time': start}
     if wanted.disturbance_frequency == 0.0:
         return SignalSpec(name='step', values=values)
     return SignalSpec(name='sine', values={**values, 'frequency': wanted.disturbance_frequency})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import ceil, floor, log10, pi
+from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
@@ -24,12 +25,16 @@ from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 DELAY_SHARE = 0.5
 DEVIATIONS = 3.0
 LONGEST = 1e3  # times the settling time asked for, up to which a possible one is sought
-BISECTIONS = 25
+BISECTIONS = 12
 # Bandwidths that the settings hold, and the controller's whose observers they hold too.
 SPAN = declared(ControllerSettings)['inner_bandwidth']
 LEAST, MOST = float(SPAN.low or 0.0), float(SPAN.high or 0.0)
 SLOWEST_SHARE = 0.3  # of wc, below which no observer is sought
 SLOWEST_WC, FASTEST_WC = 1.01 * LEAST / SLOWEST_SHARE, MOST / SLOWEST
+
+# Points of a margin that only decides, and what is asked for more than a tuning, with its own
+# points, asks for.
+COARSE, MORE = 300, 1.02
 
 Test = Callable[[Design, Requirements], bool]
 
@@ -54,7 +59,7 @@ def robust_enough(design: Design, wanted: Requirements) -> bool:
     plant = chain(wanted.order, wanted.b0)
     if wanted.delay == 0.0:
         return loop_growth(design, plant, wanted.period) < 1.0
-    return wanted.delay <= DELAY_SHARE * margins(design, plant, wanted.period).delay
+    return wanted.delay <= DELAY_SHARE * margins(design, plant, wanted.period, 0.0, COARSE).delay
 
 
 def far_enough(design: Design, wanted: Requirements) -> bool:
@@ -62,8 +67,8 @@ def far_enough(design: Design, wanted: Requirements) -> bool:
     if wanted.delay == 0.0:
         return True
     plant = chain(wanted.order, wanted.b0)
-    found = margins(design, plant, wanted.period, wanted.delay)
-    return found.modulus >= LEAST_MODULUS
+    found = margins(design, plant, wanted.period, wanted.delay, COARSE)
+    return found.modulus >= LEAST_MODULUS * MORE
 
 
 def quiet_enough(design: Design, wanted: Requirements) -> bool:
@@ -85,11 +90,13 @@ LIMITS: dict[str, Test] = {
 }
 
 
-def largest(holds: Callable[[float], bool], low: float, high: float) -> float:
+def largest(
+    holds: Callable[[float], bool], low: float, high: float, steps: int = BISECTIONS
+) -> float:
     """Return the largest number from ``low``, where it holds, to ``high``, by bisection."""
     if holds(high):
         return high
-    for _ in range(BISECTIONS):
+    for _ in range(steps):
         middle = (low * high) ** 0.5
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
@@ -117,48 +124,61 @@ def check(wanted: Requirements) -> None:
             f'disturbance_frequency = {wanted.disturbance_frequency:g} rad/s cannot be seen at '
             f'rate = {wanted.rate:g} Hz; possible: below {fastest:.4g} rad/s, half the rate'
         )
-    complaint = _conflict(wanted)
+    complaint = conflict(wanted)
     if complaint:
-        raise Conflict(f'{complaint}; possible: {_slower(wanted)}')
+        raise Conflict(f'{complaint.text}; possible: {_slower(wanted)}')
 
 
-def _conflict(wanted: Requirements) -> str:
+class Complaint(NamedTuple):
+    """What requirements fail by, in a word, and what it asks for, in a sentence."""
+
+    cause: str
+    text: str
+
+
+def conflict(wanted: Requirements) -> Complaint | None:
     """Return what keeps even an observer of 3 wc from working, nothing if it works."""
     asked = f'settling_time = {wanted.settling_time:g} s'
     least = SLOWEST * settling_factor(wanted.order) / wanted.settling_time
     most = LARGEST_W_H * wanted.rate
     if least > most:
-        return (
+        return Complaint(
+            'the rate',
             f'{asked} is too short for rate = {wanted.rate:g} Hz: the observer needs 3 wc = '
-            f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most'
+            f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most',
         )
     wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
     if wc > FASTEST_WC:
-        return f'{asked} takes wc = {wc:.4g} rad/s: {FASTEST_WC:.4g} is what the settings hold'
+        return Complaint(
+            'the range of the settings',
+            f'{asked} takes wc = {wc:.4g} rad/s: {FASTEST_WC:.4g} is what the settings hold',
+        )
     design = make_design(settings_of(wanted, 'conventional', 1, wc, SLOWEST * wc))
     if not robust_enough(design, wanted):
         bears = margins(design, chain(wanted.order, wanted.b0), wanted.period).delay
-        return (
+        return Complaint(
+            'the delay',
             f'{asked} is too short for delay = {wanted.delay:g} s: such a loop bears '
-            f'{bears:.3g} s, and half of that at most should be used up'
+            f'{bears:.3g} s, and half of that at most should be used up',
         )
     if not quiet_enough(design, wanted):
         least = noise_gain(design, wanted) * wanted.noise_std
         budget = f'command_noise = {wanted.command_noise:g}'
         if wanted.command_noise != noise_budget(wanted):
             budget = f'command_limit = {wanted.command_limit:g}, of which noise may take a third,'
-        return (
+        return Complaint(
+            'the noise',
             f'{budget} cannot be kept with {asked} and noise_std = {wanted.noise_std:g}: an '
-            f'observer of 3 wc already causes a standard deviation of {least:.3g}'
+            f'observer of 3 wc already causes a standard deviation of {least:.3g}',
         )
-    return ''
+    return None
 
 
 def _slower(wanted: Requirements) -> str:
     """Return the shortest settling time without a conflict, in words, rounded up."""
 
     def fails(settling: float) -> bool:
-        return bool(_conflict(attrs.evolve(wanted, settling_time=settling)))
+        return bool(conflict(attrs.evolve(wanted, settling_time=settling)))
 
     low = wanted.settling_time
     high = min(low * LONGEST, settling_factor(wanted.order) / SLOWEST_WC)

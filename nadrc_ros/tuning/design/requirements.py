@@ -86,6 +86,7 @@ class Requirements:
     command_limit: float = number(
         100.0, LEAST, LARGEST, 'command unit', 'largest command, of either sign'
     )
+    one_sided: bool = flag(False, 'the command is never negative, as that of a heater')
     structure: str = choice(
         'advised', ('advised', *LINEAR), 'observer; advised = one or nested, what rejects best'
     )
@@ -98,6 +99,11 @@ class Requirements:
     def load(self) -> float:
         """Disturbance [unit of y^(n)]: the one named, or one that the command can hold."""
         return self.disturbance or LOAD_SHARE * abs(self.b0) * self.command_limit
+
+    @property
+    def lowest_command(self) -> float:
+        """The other end of the range of the command [command unit]."""
+        return 0.0 if self.one_sided else -self.command_limit
 
     @property
     def period(self) -> float:

@@ -1,203 +1,194 @@
 """
-What to do with an identified plant: bandwidths that it allows, settings, a scenario to go on from.
+What to do with an identified plant: the requirements of a first design, and its settings.
 
-The observer bandwidth is the largest that three rules allow:
-
-* rate: w h <= 0.3. The sampled observer then still does what its continuous design says, with a
-  lag of the hold well below that of the observer.
-* lateness: w T <= 0.3 for a delay or lag T, for the same reason.
-* noise: the command scatters by at most 5 % of the span that it had in the log. Its variance,
-  :func:`nadrc_ros.adrc.theory.delayed.command_variance`, grows about as w^(2 n + 1) (Gao, Scaling
-  and bandwidth-parameterization, 2003, gives the trade-off, not the number).
+The design is that of ``nadrc design``: the shortest settling time that rate, delay, noise and the
+range of the command leave, :func:`nadrc_ros.tuning.design.fastest.fastest`. What a plant does not
+tell (limits, timeouts, ...) is that of the controller in the log, where it was recorded.
 """
 
 from __future__ import annotations
 
 import attrs
-from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop
-from nadrc_ros.adrc.theory.loop import chain
-from nadrc_ros.adrc.theory.margins import Margins, margins
-from nadrc_ros.scenario.scenario import Scenario
-from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
-from nadrc_ros.simulation.faults import Faults, MeasurementFault
-from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants.chain import Chain
+from nadrc_ros.adrc.theory.margins import Margins
+from nadrc_ros.records.history import History
+from nadrc_ros.tuning.design.fastest import fastest
+from nadrc_ros.tuning.design.first_design import first_design, FirstDesign
+from nadrc_ros.tuning.design.requirements import Requirements
 from nadrc_ros.tuning.identification.identify import Plant
-from nadrc_ros.tuning.identification.log import dominant_sine
-from nadrc_ros.tuning.identification.predictor import (
-    Array,
-    filtered,
-    Form,
-    Log,
-    noise_polynomial,
-    plant_polynomials,
-)
-from nadrc_ros.tuning.rules import LARGEST_W_H, PATIENCE
+from nadrc_ros.tuning.identification.predictor import Log
+from nadrc_ros.tuning.rules import PATIENCE
 import numpy as np
-from scipy.optimize import brentq
 
-LARGEST_W_LATE = LARGEST_W_H
+# Standard deviation of the command that noise may cause, as a share of the command's range.
 NOISE_SHARE = 0.05
-OUTER, CONTROLLER = 0.5, 0.2  # of the inner bandwidth
-NAME = 'identified'
+# Without recorded limits: an end at which the command was so often, one sample after the other or
+# not, is taken for one. Else its range is as much again.
+AT_A_LIMIT = 5
+# What makes parameters those of a controller.
+OF_A_CONTROLLER = {'plant_order', 'b0', 'command_min', 'command_max'}
+# What a design decides.
+DESIGNED = (
+    'plant_order',
+    'b0',
+    'structure',
+    'levels',
+    'inner_bandwidth',
+    'outer_bandwidth',
+    'bandwidth_ratio',
+    'controller_bandwidth',
+    'observer_gain_factor',
+)
 
 
 @attrs.frozen(kw_only=True)
 class Advice:
     """
-    Observer bandwidths [rad/s] that each rule allows, settings with the smallest, their margins.
+    A design for an identified plant, what forbids a faster one, and settings to start with.
 
-    The margins are those of a chain with the b0 and the lateness found; a lag counts as a delay.
+    ``limits_known`` tells whether the limits of ``settings`` are those of the controller that ran.
     """
 
-    bandwidths: dict[str, float]
+    design: FirstDesign
+    limit: str
     settings: ControllerSettings
-    margins: Margins
+    limits_known: bool
 
     @property
-    def limit(self) -> str:
-        """Return which rule counts: rate, lateness or noise."""
-        return min(self.bandwidths, key=lambda rule: self.bandwidths[rule])
+    def margins(self) -> Margins:
+        """Return those of a chain with the b0 and the lateness found; a lag counts as a delay."""
+        return self.design.chosen.prediction.margins
+
+    @property
+    def line(self) -> str:
+        """Return the command that makes the same design."""
+        wanted, usual = self.design.wanted, declared(Requirements)
+        words = ['nadrc design']
+        for name, value in attrs.asdict(wanted).items():
+            if value is True:
+                words.append(f'--{name.replace("_", "-")}')
+            elif value != usual[name].default:
+                words.append(f'--{name.replace("_", "-")} {value:g}')
+        return ' '.join(words)
 
 
-def advise(plant: Plant, log: Log) -> Advice:
-    """Return what the noise, the rate and the lateness of an identified plant allow."""
-    low, high = float(log.command.min()), float(log.command.max())
-    if rounded(low) < rounded(high):
-        low, high = rounded(low), rounded(high)
-    bandwidths = {'rate': LARGEST_W_H / plant.period}
-    if plant.lateness and plant.lateness.value > 0.0:
-        bandwidths['lateness'] = LARGEST_W_LATE / plant.lateness.value
-    patience = PATIENCE * plant.period
-    usual = ControllerSettings()
-    settings = ControllerSettings(
-        plant_order=plant.order,
-        b0=rounded(plant.b0.value),
-        command_min=low,
-        command_max=high,
-        safe_command=min(max(0.0, low), high),
-        measurement_timeout=max(usual.measurement_timeout, patience),
-        max_dt=max(usual.max_dt, patience),
+def advise(plant: Plant, log: Log, running: ControllerSettings | None = None) -> Advice:
+    """
+    Return the design that an identified plant allows; ``running`` is the controller of the log.
+
+    Raises
+    ------
+    Conflict
+        When noise or delay leave none.
+
+    """
+    low, high = limits_of(log, running)
+    both = low < 0.0 < high
+    wanted, cause = fastest(
+        Requirements(
+            order=plant.order,
+            b0=rounded(plant.b0.value),
+            rate=rounded(1.0 / plant.period),
+            noise_std=rounded(plant.noise, 3),
+            command_noise=rounded(NOISE_SHARE * (high - low), 3),
+            command_limit=rounded((min if both else max)(-low, high)),
+            one_sided=low >= 0.0,
+            delay=delay_of(plant),
+            reference_step=jump_of(log),
+        )
     )
-    highest = min(bandwidths.values())
-    quiet = _quiet(plant, settings, highest, high - low)
-    if quiet < highest:
-        bandwidths['noise'] = quiet
-    found = {rule: rounded(value, 3) for rule, value in bandwidths.items()}
-    settings = _with_bandwidth(settings, min(found.values()))
-    late = plant.lateness.value if plant.lateness else 0.0
+    design = first_design(wanted)
     return Advice(
-        bandwidths=found,
-        settings=settings,
-        margins=margins(
-            make_design(settings), chain(plant.order, settings.b0), plant.period, late
-        ),
+        design=design,
+        limit=cause,
+        settings=_settings(plant, design.chosen.settings, (low, high), running),
+        limits_known=running is not None,
     )
 
 
-def scenario_of(plant: Plant, log: Log, settings: ControllerSettings) -> Scenario:
-    """
-    Return a scenario with the identified chain, from which `nadrc tune` and `simulate` go on.
+def _settings(
+    plant: Plant,
+    chosen: ControllerSettings,
+    limits: tuple[float, float],
+    running: ControllerSettings | None,
+) -> ControllerSettings:
+    designed = {name: getattr(chosen, name) for name in DESIGNED}
+    patience = PATIENCE * plant.period
+    base = running or attrs.evolve(
+        chosen,
+        command_min=limits[0],
+        command_max=limits[1],
+        safe_command=min(max(0.0, limits[0]), limits[1]),
+    )
+    return attrs.evolve(
+        base,
+        **designed,
+        pole_ratios=(1.0,),
+        feedback='linear',
+        feedback_level='inner',
+        fal_gains=(0.0,),
+        fal_exponents=chosen.fal_exponents,
+        measurement_timeout=max(base.measurement_timeout, patience),
+        max_dt=max(base.max_dt, patience),
+    )
 
-    The reference is the dominant sine of the recorded one, the disturbance that of what b0 and the
-    damping leave unexplained. A delay or lag becomes a delay of the measurement, in whole periods.
-    The command may be twice as large as it was in the log, of a sign that it had.
+
+def running_controller(history: History) -> ControllerSettings | None:
+    """Return the settings of the one controller in a log, as they were last; None if unknown."""
+    found = []
+    for node, first in history.parameters.items():
+        values = dict(first)
+        values |= {change.name: change.after for change in history.changes if change.node == node}
+        if values.keys() >= OF_A_CONTROLLER:
+            found.append({k: v for k, v in values.items() if k in declared(ControllerSettings)})
+    if len(found) != 1:
+        return None
+    try:
+        return ControllerSettings(**found[0])
+    except SettingError:  # of another version
+        return None
+
+
+def limits_of(log: Log, running: ControllerSettings | None) -> tuple[float, float]:
     """
-    low, high = settings.command_min, settings.command_max
+    Return the limits of the command: those of the controller that ran, or a guess.
+
+    The guess: an end of the command's range at which it was often; else twice that range, of a
+    sign that the command had.
+    """
+    if running is not None:
+        return running.command_min, running.command_max
+    u = log.command
+    low, high = float(u.min()), float(u.max())
     room = 2.0 * max(abs(low), abs(high))
-    reference = log.reference if plant.instruments else log.measurement
-    mean, size, frequency = (rounded(v) for v in dominant_sine(reference, log.h))
-    unknown, pull, pace = (rounded(v) for v in dominant_sine(disturbance(plant, log), log.h))
-    limit = float(declared(Chain)['damping'].high or 0.0)
-    damping = min(max(rounded(plant.damping.value), -limit), limit)
-    return Scenario(
-        plant=PlantSpec(
-            name='chain',
-            values={
-                'order': plant.order,
-                'gain': rounded(plant.b0.value),
-                'damping': damping,
-            },
-        ),
-        initial_state=(mean, *[0.0] * (plant.order - 1)),
-        reference=SignalSpec(
-            name='sine', values={'offset': mean, 'amplitude': size, 'frequency': frequency}
-        ),
-        disturbance=SignalSpec(
-            name='sine', values={'offset': unknown, 'amplitude': pull, 'frequency': pace}
-        ),
-        noise=Noise(variance=rounded(plant.noise**2), seed=1),
-        rate=_rate(plant),
-        duration=rounded(min(max(len(log.command) * log.h, 1.0), 60.0)),
-        faults=_late(plant),
-        controllers={
-            NAME: attrs.evolve(
-                settings,
-                command_min=0.0 if low >= 0.0 else -room,
-                command_max=0.0 if high <= 0.0 else room,
-            )
-        },
+    at_low, at_high = (int(np.sum(u == end)) >= AT_A_LIMIT for end in (low, high))
+    free_low, free_high = 0.0 if low >= 0.0 else -room, 0.0 if high <= 0.0 else room
+    return (
+        rounded(min(low, 0.0) if at_low else free_low),
+        rounded(max(high, 0.0) if at_high else free_high),
     )
 
 
-def _rate(plant: Plant) -> float:
-    return rounded(1.0 / plant.period)
-
-
-def _late(plant: Plant) -> Faults:
-    """Return what delays the loop as the plant was found to, in the nearest whole periods."""
+def delay_of(plant: Plant) -> float:
+    """Return the lateness in the nearest whole periods [s]: that of the scenario to go on from."""
     periods = round(plant.lateness.value / plant.period) if plant.lateness else 0
-    if periods == 0:
-        return Faults()
-    late = MeasurementFault(kind='delayed', time=periods / _rate(plant))
-    return Faults(measurement=(late,))
+    return periods / rounded(1.0 / plant.period)
 
 
-def disturbance(plant: Plant, log: Log) -> Array:
-    """Return d = y^(n) + damping y^(n-1) - b0 u, low-pass filtered, without the filter's start."""
-    form = Form(order=plant.order, smoothness=0)
-    parameters = np.append(np.zeros(plant.order - 1), -plant.damping.value)
-    w = plant.disturbance_bandwidth
-    output, command, _ = filtered(log, form, parameters, w)
-    gain = noise_polynomial(form, w, log.h).sum()
-    gain /= plant_polynomials(form, parameters, log.h)[1].sum()
-    started = min(int(5.0 / (w * log.h)), len(output) // 2)
-    found: Array = gain * (output - plant.b0.value * command)[started:]
-    return found
+def jump_of(log: Log) -> float:
+    """Return the largest jump of the reference from one sample to the next, 0 for a smooth one."""
+    if not log.reference_moves:
+        return 0.0
+    steps = np.abs(np.diff(log.reference))
+    largest = float(steps.max())
+    # A smooth reference moves nearly as far in the next period.
+    at = int(np.argmax(steps))
+    near = float(np.delete(steps[max(at - 1, 0) : at + 2], min(at, 1)).max(initial=0.0))
+    return rounded(largest, 3) if near < 0.5 * largest else 0.0
 
 
 def rounded(value: float, digits: int = 4) -> float:
     """Return the value with that many significant digits, as one writes it down."""
     return float(f'{value:.{digits}g}')
-
-
-def _with_bandwidth(settings: ControllerSettings, w: float) -> ControllerSettings:
-    return attrs.evolve(
-        settings,
-        inner_bandwidth=rounded(w, 3),
-        outer_bandwidth=rounded(OUTER * w, 3),
-        controller_bandwidth=rounded(CONTROLLER * w, 3),
-    )
-
-
-def _quiet(plant: Plant, settings: ControllerSettings, highest: float, span: float) -> float:
-    """Return the bandwidth at which noise moves the command by its share of the span."""
-
-    def excess(logarithm: float) -> float:
-        design = make_design(_with_bandwidth(settings, float(np.exp(logarithm))))
-        nominal = chain(plant.order, settings.b0)
-        late = plant.lateness.value if plant.lateness else 0.0
-        loop = delayed_loop(design, nominal, plant.period, late)
-        variance = command_variance(loop, plant.noise**2)
-        return 0.5 * float(np.log(variance)) - float(np.log(NOISE_SHARE * span))
-
-    lowest = highest * 1e-3
-    if plant.noise == 0.0 or excess(np.log(highest)) <= 0.0:
-        return highest
-    if excess(np.log(lowest)) > 0.0:
-        raise UserError('the noise drowns the command at any bandwidth')
-    return float(np.exp(brentq(excess, np.log(lowest), np.log(highest), xtol=1e-3)))

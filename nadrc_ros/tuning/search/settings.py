@@ -10,7 +10,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, integer, number
 from nadrc_ros.adrc.settings import LARGEST, LONGEST
-from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
+from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 
 OBJECTIVES = ('itae', 'iae', 'ise', 'itse', 'rmse', 'max_error', 'peak_error')
 SAMPLERS = ('auto', 'nsga2', 'cmaes', 'pso')
@@ -84,12 +84,16 @@ class TuneSettings:
     seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
     over: str = choice('worst', ('worst', 'mean'), 'of the corners, which value counts')
     gain_margin: float = number(
-        2.0, 1.0, 1e3, '', 'the loop stays stable with the plant gain times and through this'
+        LEAST_GAIN,
+        1.0,
+        1e3,
+        '',
+        'the loop stays stable with the plant gain times and through this',
     )
     modulus_margin: float = number(
         LEAST_MODULUS, 0.0, 1.0, '', 'least distance of the loop from -1'
     )
-    delay_margin: float = number(1.0, 0.0, 1e6, 'periods', 'least delay that destabilises')
+    delay_margin: float = number(LEAST_DELAY, 0.0, 1e6, 'periods', 'least delay that destabilises')
     largest_wh: float = number(LARGEST_W_H, 1e-6, 10.0, '', 'largest bandwidth times period')
     peak: float = number(
         0.0, 0.0, LARGEST, 'command unit', 'largest |command|; 0 = that of the limits alone'
