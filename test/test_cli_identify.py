@@ -214,10 +214,10 @@ def test_what_was_found_is_printed_before_what_cannot_be_set(
 ) -> None:
     from nadrc_ros.tuning.identification import advice
 
-    monkeypatch.setattr(advice, 'CONTROLLER', 1e-12)
+    monkeypatch.setattr(advice, 'NOISE_SHARE', 1e-15)
     done = nadrc('identify', run, '--order', 1)
     assert done.exit_code == 1
-    assert done.output.index('b0') < done.output.index('controller_bandwidth = ')
+    assert done.output.index('b0') < done.output.index('no settling time up to')
 
 
 def test_a_b0_of_another_order_is_asked_for_its_order(run: Path) -> None:

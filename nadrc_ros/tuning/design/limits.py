@@ -26,6 +26,7 @@ DELAY_SHARE = 0.5
 DEVIATIONS = 3.0
 LONGEST = 1e3  # times the settling time asked for, up to which a possible one is sought
 BISECTIONS = 12
+FINE = 22  # of three digits over such a span
 # Bandwidths that the settings hold, and the controller's whose observers they hold too.
 SPAN = declared(ControllerSettings)['inner_bandwidth']
 LEAST, MOST = float(SPAN.low or 0.0), float(SPAN.high or 0.0)
@@ -184,6 +185,6 @@ def _slower(wanted: Requirements) -> str:
     high = min(low * LONGEST, settling_factor(wanted.order) / SLOWEST_WC)
     if fails(high):
         return f'no settling time up to {high:g} s'
-    shortest = largest(fails, low, high)
+    shortest = largest(fails, low, high, FINE)
     digit = 10.0 ** (floor(log10(shortest)) - 2)
     return f'a settling time of at least {ceil(shortest / digit * (1.0 + 1e-9)) * digit:.4g} s'
