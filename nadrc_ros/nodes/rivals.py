@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 # Before the first command it is listened for so long [s], in which most others are discovered.
 LISTEN = 0.3
 # Fast DDS may discover another only with its next announcement, which it sends every 3 s. Who
-# started so short ago [s] gives way.
+# started so short ago [s] gives way, unless the other has sent fewer commands than we.
 PROBATION = 5.0
 # A command is followed by the next after so many of their intervals, or after so long [s].
 INTERVALS, SHORTEST, LONGEST = 3.0, 0.1, 3.0
@@ -67,6 +67,7 @@ class Rivals:
         self._input: Input | None = None
         self._own: deque[tuple[int | None, float]] = deque(maxlen=OWN)
         self._last, self._interval = -inf, inf
+        self._theirs: float = inf
         if not shared:
             self._hear(True)
 
@@ -114,7 +115,7 @@ class Rivals:
 
     def _meet(self, age: float) -> bool:
         topic = self._sender.topic
-        if age > PROBATION + LISTEN:
+        if age > PROBATION + LISTEN or self._theirs < self._sender.count:
             text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
             self._remarks.put('rivals', text, ERROR)
             return False
@@ -147,6 +148,7 @@ class Rivals:
         if not ours:
             now = time.monotonic()
             self._interval, self._last = now - self._last, now
+            self._theirs = inf if number is None else number
 
     def _who(self) -> str:
         there = self._node.get_publishers_info_by_topic(self._sender.topic)

@@ -26,10 +26,11 @@ CONTROL: dict[str, Any] = {
     'safe_command': 1.5,
 }
 THEIRS = 7.25
-TWICE_A_SECOND = 0.5
+# commands that a controller sends within the time in which it gives way
+MANY = 400
 
 
-def rival(probe: Probe, period: float = 0.02) -> Any:
+def rival(probe: Probe, period: float = 0.002) -> Any:
     """Let the probe command, and return the timer that does it."""
     command = probe.publisher('command')
     return probe.node.create_timer(period, lambda: command(THEIRS))
@@ -60,12 +61,14 @@ def test_who_began_shortly_before_it_hears_another_gives_way_and_is_silent_at_on
     probe: Probe,
 ) -> None:
     """Discovery may take three seconds."""
-    commands = probe.listen('command')
+    commands, timer = probe.listen('command'), rival(probe)
+    probe.wait_until(lambda: len(commands) > MANY)
+    timer.cancel()
     load = {'damping': 0.0, 'disturbance': 'constant', 'disturbance_offset': 5.0}
     probe.add(PlantNode(parameters=PLANT | load | {'command_timeout': 0.0}))
     node = probe.add(ControllerNode(parameters=CONTROL | {'command_rate_limit': 20.0}))
-    probe.wait_until(lambda: commands and commands[-1] < -4.0)  # a ramp to safe is seen
-    timer = rival(probe, TWICE_A_SECOND)
+    probe.wait_until(lambda: commands[-1] < -4.0)  # a ramp to safe is seen
+    timer.reset()
     probe.wait_until(lambda: not node.controller.enabled)
     n = len(commands)
     probe.wait_until(lambda: len(commands) > n + 2)
@@ -76,6 +79,19 @@ def test_who_began_shortly_before_it_hears_another_gives_way_and_is_silent_at_on
     timer.cancel()
     probe.spin(0.1)
     assert set(commands[n:]) == {THEIRS}
+
+
+def test_of_two_that_began_shortly_before_the_one_that_sent_fewer_commands_gives_way(
+    probe: Probe,
+) -> None:
+    commands = probe.listen('command')
+    node = probe.add(ControllerNode(parameters=CONTROL))
+    probe.wait_until(lambda: len(commands) > 20)
+    command = probe.publisher('command')
+    probe.node.create_timer(0.2, lambda: command(THEIRS))
+    told = f'{probe.namespace}/probe commands on {probe.namespace}/command too'
+    probe.wait_until(lambda: probe.said() and told in probe.said()[-1][1])
+    assert node.controller.enabled
 
 
 def test_one_that_is_in_control_stays_so_and_both_are_told(
