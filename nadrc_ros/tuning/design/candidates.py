@@ -22,7 +22,6 @@ from nadrc_ros.tuning.design.limits import (
     check,
     largest,
     LIMITS,
-    MOST,
     noise_gain,
     nominal_loop,
     robust_enough,
@@ -121,8 +120,6 @@ def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
     wc = float(f'{controller_bandwidth(wanted.order, wanted.settling_time, wanted.period):.4g}')
     ratio = FASTEST if wanted.command_noise > 0.0 else USUAL
     w, decided_by = ratio * wc, 'the rule of thumb'
-    if w > MOST:
-        w, decided_by = MOST, 'the range of the settings'
 
     def holding(test: Test) -> Callable[[float], bool]:
         return lambda v: test(make_design(settings_of(wanted, 'conventional', 1, wc, v)), wanted)
@@ -146,9 +143,7 @@ def equally_noisy(
         gain = noise_gain(design, wanted)
         return float(np.log(gain / target)) if gain < inf else 1e3
 
-    low, high = SLOWEST_SHARE * wc, min(LARGEST_W_H * wanted.rate, MOST)
-    if structure == 'cascade':  # its last level is that many times as fast
-        high = min(high, MOST / 2.0 ** (levels - 1))
+    low, high = SLOWEST_SHARE * wc, LARGEST_W_H * wanted.rate
     if excess(low) > 0.0 or excess(high) < 0.0:
         return None
     w = float(optimize.brentq(excess, low, high, rtol=1e-9))
