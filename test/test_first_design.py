@@ -235,6 +235,10 @@ def test_a_conflict_is_named_and_what_it_says_is_possible_is(
     ('values', 'said'),
     [
         ({'disturbance_frequency': 1600.0}, 'disturbance_frequency = 1600 rad/s cannot be seen'),
+        (
+            {'settling_time': 1e8, 'rate': 1e-3, 'reference_step': 0.0},
+            r'settling_time = 1e\+08 s; possible: another b0',
+        ),
     ],
 )
 def test_what_no_setting_or_sample_can_hold_is_refused(values: dict[str, Any], said: str) -> None:

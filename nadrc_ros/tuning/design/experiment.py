@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, copysign, pi
+from math import ceil, copysign, floor, pi
 from typing import NamedTuple
 
 import attrs
+from nadrc_ros.adrc.settings import SLOWEST_RATE
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
@@ -74,7 +75,8 @@ def expect(scenario: Scenario, candidate: Candidate) -> Expected:
 
 def _thinned(scenario: Scenario) -> Scenario:
     every = ceil(scenario.duration * scenario.rate / MOST_PERIODS)
-    if every == 1:
+    every = min(every, floor(scenario.rate / SLOWEST_RATE))
+    if every <= 1:
         return scenario
     rate = scenario.rate / every
     patience = PATIENCE / rate

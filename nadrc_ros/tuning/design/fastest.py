@@ -8,8 +8,8 @@ from nadrc_ros.adrc.theory.loop import chain
 from nadrc_ros.adrc.theory.margins import margins
 from nadrc_ros.tuning.design.bandwidths import controller_bandwidth, settling_factor
 from nadrc_ros.tuning.design.candidates import single_settings
-from nadrc_ros.tuning.design.limits import COARSE, conflict, largest, MORE, SLOWEST_WC
-from nadrc_ros.tuning.design.requirements import Conflict, Requirements
+from nadrc_ros.tuning.design.limits import COARSE, conflict, largest, MORE
+from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
 from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 
 # Of the settling time that is found: what is nobody's margin, as the plant is not quite that one.
@@ -32,9 +32,8 @@ def fastest(wanted: Requirements) -> tuple[Requirements, str]:
         When no settling time is sound.
 
     """
-    slowest = settling_factor(wanted.order) / SLOWEST_WC
     shortest = settling_factor(wanted.order) / (LARGEST_W_H * wanted.rate)
-    longest = min(SPAN * shortest, slowest)
+    longest = min(SPAN * shortest, LONGEST_SETTLING)
     causes = {}
 
     def sound(pace: float) -> bool:

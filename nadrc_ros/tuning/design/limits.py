@@ -8,17 +8,18 @@ from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
-from nadrc_ros.adrc.settings import LONGEST
+from nadrc_ros.adrc.settings import LARGEST
 from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop, Loop
 from nadrc_ros.adrc.theory.loop import chain, loop_growth
 from nadrc_ros.adrc.theory.margins import margins
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
+    reference_step,
     settings_of,
     settling_factor,
     SLOWEST,
 )
-from nadrc_ros.tuning.design.requirements import Conflict, Requirements
+from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
 from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 DELAY_SHARE = 0.5
@@ -26,6 +27,7 @@ DEVIATIONS = 3.0
 MUCH_SLOWER = 1e3  # times the settling time asked for, up to which a possible one is sought
 BISECTIONS = 12
 FINE = 22  # of three digits over such a span
+LARGEST_STEP = 1e-3 * LARGEST  # what overshoots it is a number of a sensor still
 SLOWEST_SHARE = 0.3  # of wc, below which no observer is sought
 
 # Points of a margin that only decides, and what is asked for more than a tuning, with its own
@@ -117,6 +119,13 @@ def check(wanted: Requirements) -> None:
     complaint = conflict(wanted)
     if complaint:
         raise Conflict(f'{complaint.text}; possible: {_slower(wanted)}')
+    step = reference_step(wanted)
+    if step > LARGEST_STEP:
+        raise Conflict(
+            f'command_limit = {wanted.command_limit:g} with b0 = {wanted.b0:g} moves the output '
+            f'by {step:.3g} in settling_time = {wanted.settling_time:g} s; possible: another b0 '
+            f'or unit of time, or a reference_step up to {LARGEST_STEP:g}'
+        )
 
 
 class Complaint(NamedTuple):
@@ -166,7 +175,7 @@ def _slower(wanted: Requirements) -> str:
         return bool(conflict(attrs.evolve(wanted, settling_time=settling)))
 
     low = wanted.settling_time
-    high = min(low * MUCH_SLOWER, 0.1 * LONGEST)
+    high = min(low * MUCH_SLOWER, LONGEST_SETTLING)
     if fails(high):
         return f'no settling time up to {high:g} s'
     shortest = largest(fails, low, high, FINE)
