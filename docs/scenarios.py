@@ -26,8 +26,8 @@ workspace or a pip install.)
 A copy of a file is the start of a scenario of your own. The tests run every one of them and check
 that the error settles and the command stays within its limits.
 
-Plants and signals of your own: [own.md](own.md). `rate` may be as low as 0.001 Hz; a controller that
-does not name `measurement_timeout` and `max_dt` has 5 and 10 periods, at least 0.25 and 0.5 s.
+Plants and signals of your own: [own.md](own.md). `rate` may be as low as 0.001 Hz; a controller
+that does not name `measurement_timeout` and `max_dt` has 5 and 10 periods, at least 0.25 and 0.5 s.
 """
 
 
