@@ -27,7 +27,8 @@ A copy of a file is the start of a scenario of your own. The tests run every one
 that the error settles and the command stays within its limits.
 
 Plants and signals of your own: [own.md](own.md). `rate` may be as low as 0.001 Hz; a controller
-that does not name `measurement_timeout` and `max_dt` has 5 and 10 periods, at least 0.25 and 0.5 s.
+that does not name `measurement_timeout` and `max_dt`
+has 5 and 10 periods, at least 0.25 and 0.5 s.
 """
 
 
