@@ -20,7 +20,7 @@ from nadrc_ros.tuning.identification.fit import (
     innovations_of,
     MANY,
 )
-from nadrc_ros.tuning.identification.motion import direction, noise_deviation, rate_of
+from nadrc_ros.tuning.identification.motion import direction, noise_deviation, NOISY, rate_of
 from nadrc_ros.tuning.identification.predictor import Form, Log
 import numpy as np
 
@@ -106,13 +106,12 @@ def simplest(fits: Sequence[Fit]) -> Fit:
     return next(fit for fit in fits if fit.innovation <= NEARLY * best)
 
 
-def with_ways(log: Log) -> Log:
-    """Return the log with the direction of its motion, where noise does not hide that."""
+def with_ways(log: Log, noisy: float = NOISY) -> Log:
+    """Return the log with its direction of motion, where ``noisy`` deviations do not hide it."""
     moving = rate_of(log.measurement, log.h)
-    noise = noise_deviation(log.measurement)
-    side = direction(log.measurement, noise)
+    side = direction(log.measurement, noise_deviation(log.measurement), noisy)
     return attrs.evolve(
         log,
-        way=direction(*moving) if moving else None,
+        way=direction(*moving, noisy) if moving else None,
         side=side if side.min() < 0.0 < side.max() else None,
     )

@@ -27,6 +27,8 @@ import numpy as np
 ORDERS = (1, 2, 3)
 # Bandwidths of the prefilters that are tried, relative to that of the noise model.
 BANDS = (1.0, 0.5, 0.25)
+# Standard error that remains of the best log, of the value: no plant is quite as its model is.
+LEAST = 0.005
 # A slower one is taken where its error is that much smaller: the smallest of several flatters.
 BETTER = 0.6
 # A slower one whose error is that many times as large tells nothing of the model.
@@ -34,6 +36,8 @@ TELLING = 2.0
 # An interval wider than that many times the estimate on either side is no estimate.
 WIDEST = 0.5
 WIDE = 0.2
+# Deviations of noise, below which it may well be that a plant stands.
+DOUBTFUL = 3.0
 # What follows from the reference alone must predict about as well as what fits best.
 WORSE = 1.2
 
@@ -109,6 +113,8 @@ def identify(log: Log, order: int | None = None) -> Plant:
         )
     refined, estimates = in_the_best_band(log, chosen)
     b0, late = estimates[0], chosen.form.late
+    if chosen.form.dry:
+        b0 = however_it_turns(log, refined, b0)
     if chosen.form.lagging:
         b0 = in_series(b0, refined)
     if not b0.half_width <= WIDEST:
@@ -168,8 +174,15 @@ def in_the_best_band(log: Log, chosen: Fit) -> tuple[Fit, list[Estimate]]:
     apart = [(abs(slow.value - own.value), slow.error) for slow in telling]
     wrong = max((far**2 - error**2 for far, error in apart if far > Z95 * error), default=0.0)
     fit, estimates = found[best]
+    wrong += (LEAST * own.value) ** 2
     widened = attrs.evolve(own, error=float(np.hypot(own.error, np.sqrt(wrong))))
     return fit, [widened, *estimates[1:]]
+
+
+def however_it_turns(log: Log, fit: Fit, b0: Estimate) -> Estimate:
+    """Return b0 with an interval that allows for when exactly the plant stops and turns."""
+    other = refine(with_ways(log, DOUBTFUL), fit)[1][0].value
+    return attrs.evolve(b0, error=float(np.hypot(b0.error, 0.5 * (other - b0.value))))
 
 
 def total(parts: Sequence[Estimate]) -> Estimate | None:

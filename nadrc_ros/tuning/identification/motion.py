@@ -47,7 +47,7 @@ def rate_of(measurement: Array, h: float) -> tuple[Array, float] | None:
     return None
 
 
-def direction(values: Array, deviation: float) -> Array:
+def direction(values: Array, deviation: float, noisy: float = NOISY) -> Array:
     """Return the sign of values whose noise has a deviation, and 0 where they are nearly zero."""
-    least = max(NOISY * deviation, SLOW * float(np.sqrt(np.mean(values**2))))
+    least = max(noisy * deviation, SLOW * float(np.sqrt(np.mean(values**2))))
     return np.where(np.abs(values) > least, np.sign(values), 0.0)
