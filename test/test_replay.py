@@ -35,10 +35,15 @@ def test_p18_another_sign_of_b0_is_replayed_though_no_tick_says_that_the_loop_wa
             trace.tick(controller, y, H, H, age, [1.0], applied)
             chain.advance(u * controller.settings.b0, H)
 
-    turn()  # before the first tick, in a trace that does not say so
+    def disable() -> None:
+        controller.enabled = False
+        trace.disabled()
+
+    disable()
+    turn()  # before the first tick
     controller.enabled = True
     run(40)
-    controller.enabled = False
+    disable()
     turn()
     controller.enabled = True
     run(40)
@@ -47,3 +52,24 @@ def test_p18_another_sign_of_b0_is_replayed_though_no_tick_says_that_the_loop_wa
     assert len(pairs) == 80
     assert all(recorded == again for recorded, again in pairs)
     assert len(set(pairs)) > 20
+
+
+def test_p18_a_stall_that_was_ended_between_two_ticks_is_replayed(tmp_path: Path) -> None:
+    path = tmp_path / 'trace.jsonl'
+    controller = Controller(ControllerSettings(stall_time=0.2, stall_action='fault'), checked=True)
+    trace = TraceWriter(path, controller.settings, checked=True)
+    for i in range(200):
+        if i == 100:
+            controller.enabled = False
+            trace.disabled()
+            controller.enabled = True
+        if i == 10:  # in the middle of the stall, whose time goes on
+            controller.retune(controller.settings)
+            trace.settings(controller.settings)
+        applied = controller.command
+        controller.tick(0.0, H, reference=[1e3])
+        trace.tick(controller, 0.0, H, H, 0.0, [1e3], applied)
+    trace.close()
+    commands = [u for u, _ in replay(path)]
+    assert commands == [again for _, again in replay(path)]
+    assert commands[90] == 0.0 and commands[110] == 100.0

@@ -103,6 +103,35 @@ def test_a_load_that_no_command_holds_and_a_wrong_sign_are_stalls() -> None:
     assert heater.controller.stalled and heater.controller.error_growth > 1.0
 
 
+@pytest.mark.parametrize('action', ('warn', 'fault'))
+def test_a_loop_that_idles_at_its_safe_end_is_not_stalled(action: str) -> None:
+    """On a sunny day the room is too warm for hours, and the heating is off."""
+    slow = {'measurement_timeout': 30.0, 'max_dt': 30.0, 'stall_time': 600.0}
+    controller = Controller(ControllerSettings(**HEATER | slow, stall_action=action))
+    for k in range(2000):
+        assert controller.tick(min(22.0 + 0.005 * k, 26.0), 1.0, reference=[20.0]) == 0.0
+        assert not controller.stalled and controller.limited_for == 0.0
+    assert controller.mode == Mode.OK and controller.error_growth == 0.0
+
+
+def test_a_limit_that_is_not_the_safe_one_is_watched_whatever_its_side() -> None:
+    heater = Heater(stall_time=20.0, safe_command=100.0)
+    heater.run(60.0, 0.0)
+    assert heater.controller.command == 0.0 and heater.controller.stalled
+
+
+def test_to_disable_and_enable_between_two_ticks_ends_a_stall() -> None:
+    heater = Heater(stall_time=20.0, stall_action='fault')
+    heater.run(45.0, 60.0, stuck=True)
+    controller = heater.controller
+    assert controller.cause == Cause.STALLED
+    controller.enabled = False
+    controller.enabled = True
+    assert not controller.stalled
+    heater.run(10.0, 60.0)
+    assert controller.mode == Mode.OK and controller.command > 0.0
+
+
 def test_ticks_without_a_sample_go_on_counting() -> None:
     controller = Controller(
         ControllerSettings(stall_time=1.0, measurement_timeout=0.0), checked=True

@@ -94,7 +94,7 @@ def tick(
         measurement if measured else nan,
         referenced,
         at_safe,
-        status == SATURATED,
+        status == SATURATED and command != design.safe_command,
         out.profile[0],
         dt,
         elapsed,
@@ -175,7 +175,7 @@ class Controller:
         self.design = make_design(settings)
         self.state = blank_state(self.design)
         self.watch = Watch(good=settings.good_samples - 1 if checked else 0)
-        self.enabled = enabled
+        self._enabled = enabled
         self.reference: list[float] = [0.0] * (self.design.order + 1)
         self.command = settings.safe_command
         self.status = Status.NO_MEASUREMENT
@@ -289,6 +289,17 @@ class Controller:
         self.watch = self.watch._replace(gap=inf)
 
     @property
+    def enabled(self) -> bool:
+        """Whether the law may act; to disable it ends a stall, however soon it is enabled anew."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, on: bool) -> None:
+        if not on:  # the next tick may find it enabled again
+            self.watch = self.watch._replace(limited=0.0, stalled=0.0)
+        self._enabled = on
+
+    @property
     def mode(self) -> Mode:
         """Tell what the command is."""
         return Mode(self.watch.mode)
@@ -305,7 +316,7 @@ class Controller:
 
     @property
     def limited_for(self) -> float:
-        """How long the command has been at a limit, in control [s]."""
+        """How long the command has been at a limit other than safe, in control [s]."""
         return self.watch.limited
 
     @property

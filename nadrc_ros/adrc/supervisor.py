@@ -62,8 +62,9 @@ class Watch(NamedTuple):
     ``fault_age`` [s] counts since the fault began, ``gap`` [s] the time of samples that could not
     be used, ``good`` valid samples in a row, of which ``last`` is the last; ``spread`` is the
     longest step between two of them, halved with each since. ``limited`` [s] is how long the
-    command has been at a limit, ``stalled`` [s] how long the output has come no nearer meanwhile
-    to the reference that was ``aim``, from which it was ``distance`` away.
+    command has been at a limit other than ``safe_command``, where a loop may idle for ever,
+    ``stalled`` [s] how long the output has come no nearer meanwhile to the reference that was
+    ``aim``, from which it was ``distance`` away.
     """
 
     mode: int = SAFE
@@ -99,9 +100,9 @@ def supervise(
 
     ``measurement`` is nan unless a valid sample was used, ``referenced`` says whether a reference
     was received, ``at_safe`` whether the last command was ``safe_command``, ``limited`` whether
-    the law asks for more than a limit, on its way to ``aim``; ``dt`` is the time this tick's
-    sample spans, ``elapsed`` the time since the last tick and ``age`` that since the sample was
-    there [s].
+    the law asks for more than a limit that is not the safe one, on its way to ``aim``; ``dt`` is
+    the time this tick's sample spans, ``elapsed`` the time since the last tick and ``age`` that
+    since the sample was there [s].
 
     The law takes over after ``good_samples`` valid samples in a row, at one that is not odd: no
     more than twice as far from the one before as those shortly before were. The step to an odd one

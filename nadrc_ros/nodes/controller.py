@@ -117,6 +117,7 @@ class ControllerNode(LiveNode):
         refuse_unknown(self, axes - {self.get_namespace()})
         # Last, as a node that fails to start should leave no file behind.
         self.trace = TraceWriter(Path(loop.trace), settings, checked) if loop.trace else None
+        self._set_enabled(loop.enabled_at_start)
         self.diagnostics = Diagnostics(self, self._report)
 
     # ---- parameters and services ----
@@ -147,10 +148,15 @@ class ControllerNode(LiveNode):
         if on == self.controller.enabled:
             said = 'already ' + said
         self.events.tell('enable', said)
-        self.controller.enabled = on
+        self._set_enabled(on)
         self._estimates.look()
         self.diagnostics.publish()
         return True, said
+
+    def _set_enabled(self, on: bool) -> None:
+        self.controller.enabled = on
+        if self.trace is not None and not on:
+            self.trace.disabled()
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         response.success, response.message = self.enable(request.data)
@@ -241,7 +247,7 @@ class ControllerNode(LiveNode):
         """Give way to another who is in command; begin when nobody is."""
         listened = self._rivals.listening
         if self._rivals.look(self._silent and self.controller.quiet):
-            self.controller.enabled = False
+            self._set_enabled(False)
             self.diagnostics.publish()
         elif listened and self._sample_ticker and self._sample and not self._rivals.listening:
             self._step()
@@ -312,7 +318,7 @@ class ControllerNode(LiveNode):
         """Ramp to the safe command; a silent one stays so, as another may be in control."""
         self._stopping = True
         self._silent_at_stop = self._silent or self._rivals.mute
-        self.controller.enabled = False
+        self._set_enabled(False)
 
     @property
     def stopped(self) -> bool:

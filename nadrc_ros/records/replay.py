@@ -19,8 +19,9 @@ class TraceWriter:
 
     The first says also whether the sensor counted as ``checked``. A record has the arguments of
     :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command),
-    ``enabled``, and what came out: ``u`` and ``status``. Numbers are written so that they read
-    back to the bit; nan and infinities as JavaScript writes them.
+    ``enabled``, and what came out: ``u`` and ``status``. Between two ticks ``{"disabled": true}``
+    and ``{"reset": true}`` say what was asked for. Numbers are written so that they read back to
+    the bit; nan and infinities as JavaScript writes them.
 
     When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
@@ -33,6 +34,10 @@ class TraceWriter:
     def settings(self, settings: ControllerSettings) -> None:
         """Record that these settings are staged before the next tick."""
         self._write({'settings': attrs.asdict(settings)})
+
+    def disabled(self) -> None:
+        """Record that the loop is opened before the next tick, which may find it closed again."""
+        self._write({'disabled': True})
 
     def reset(self) -> None:
         """Record that a reset is asked for before the next tick."""
@@ -107,11 +112,13 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
                 if controller is None:
                     controller = Controller(settings, checked=record.get('checked', False))
                 else:
-                    controller.enabled = False  # or another sign of b0 would be refused
                     controller.retune(settings)
                 continue
             if controller is None:
                 raise ValueError(f'{path}: a trace begins with settings')
+            if 'disabled' in record:
+                controller.enabled = False
+                continue
             if 'reset' in record:
                 controller.reset()
                 continue

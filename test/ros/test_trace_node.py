@@ -32,6 +32,8 @@ def published(path: Path) -> list[float]:
                 controller.retune(settings)
         elif 'reset' in record:
             controller.reset()
+        elif 'disabled' in record:
+            controller.enabled = False
         else:
             quiet = controller.quiet
             controller.enabled = record['enabled']
