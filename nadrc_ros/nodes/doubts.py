@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from math import inf
+from math import ceil, inf, isfinite
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -17,8 +17,11 @@ from nadrc_ros.nodes.topics import Input
 LARGEST_SHARE = 0.3
 # Looks without a reference in control, with a moving one, and with rare samples, until it is said.
 LOOKS = 4
-# At a limit for so long [s], or so many time constants, an error has grown by this share.
-STUCK, TIME_CONSTANTS, GROWTH = 3.0, 12.0, 0.2
+# A look is over a second, or so many periods: each has a tick.
+PERIODS = 1.25
+# At a limit for so long [s], or so many time constants, an error has grown by this share, and by
+# so many times the largest step between two samples, of which a look leaves this share.
+STUCK, TIME_CONSTANTS, GROWTH, CLEARLY, KEPT = 3.0, 12.0, 0.2, 4.0, 0.9
 DEFAULTS = ControllerSettings()
 CONCERNS = ('stall', 'reference')
 PLANT = ('b0', 'command_min', 'command_max')
@@ -44,6 +47,8 @@ class Doubts:
     ) -> None:
         self._controller = controller
         self._rate = rate
+        self._seconds, self._every = 0, max(1, ceil(PERIODS / rate))
+        self._scatter = 0.0
         self._forgotten = [name for name in PLANT if name not in given]
         self._remarks = remarks
         self._unreferenced = self._moving = self._rare = 0
@@ -56,12 +61,17 @@ class Doubts:
         ``spacing`` is the time between the last two samples [s], ``references`` are the inputs of
         the reference and its derivatives.
         """
+        self._seconds += 1
+        if (self._seconds - 1) % self._every:
+            return
         controller, say = self._controller, self._remarks.put
         topic, *derivatives = (each.topic for each in references)
         settings, in_control = controller.settings, controller.mode == Mode.OK
         say('bandwidth', self._of_bandwidths(settings))
         say('defaults', self._of_defaults(settings))
-        without = in_control and controller.watch.reference_age == inf
+        watch = controller.watch
+        refused = isfinite(controller.refused_reference)
+        without = in_control and watch.reference_age == inf and not refused
         self._unreferenced = self._unreferenced + 1 if without else 0
         text = f'no reference yet: holding {controller.reference[0]:.6g}, as none comes on {topic}'
         say('reference', text if self._unreferenced >= LOOKS else '')
@@ -69,6 +79,7 @@ class Doubts:
         for name in CONCERNS:
             say(f'{name} concern', found.get(name, ''))
         say('spacing', self._of_spacing(settings, spacing))
+        self._scatter = max(watch.spread, KEPT * self._scatter)
         say('sign', self._of_sign(settings) if in_control else '')
         came = any(each.count for each in references[1:])
         replaced = settings.error_based or settings.tracking_acceleration > 0.0
@@ -115,7 +126,8 @@ class Doubts:
         controller, growth = self._controller, self._controller.error_growth
         needed = max(STUCK, TIME_CONSTANTS / settings.controller_bandwidth)
         watch = controller.watch
-        if watch.stalled < needed or growth <= GROWTH * abs(watch.distance):
+        least = max(GROWTH * abs(watch.distance), CLEARLY * self._scatter)
+        if watch.stalled < needed or growth <= least:
             return ''
         return (
             f'at the limit {controller.command:g} for {controller.limited_for:.3g} s while the '

@@ -30,15 +30,26 @@ class Remarks:
         self._logger = logger
         self._now = now
         self._held: dict[str, tuple[bytes, str]] = {}
-        self._logged: dict[str, float] = {}
+        self._until: dict[str, float] = {}  # what was logged, and is not before then
 
     def put(self, name: str, text: str, level: bytes = WARN) -> None:
-        """Let a remark hold, or none of this name where ``text`` is empty; log what is new."""
-        new = text and name not in self._held
-        if new and self._now() - self._logged.get(name, -inf) > AGAIN:
-            self._logged[name] = self._now()
+        """
+        Let a remark hold, or none of this name where ``text`` is empty; log what is new.
+
+        What is only news, of level OK, is logged once.
+        """
+        if text and name not in self._held and self.due(name, inf if level == OK else AGAIN):
             self.log(text, level)
         self.hold(name, text, level)
+
+    def due(self, name: str, pause: float = AGAIN) -> bool:
+        """Tell whether to log what has this name now; if so, not again for ``pause`` [s]."""
+        now = self._now()
+        self._until = {each: until for each, until in self._until.items() if now < until}
+        if name in self._until:
+            return False
+        self._until[name] = now + pause
+        return True
 
     def hold(self, name: str, text: str, level: bytes) -> None:
         """Let a remark hold that was logged elsewhere; none where ``text`` is empty."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from random import Random
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
@@ -28,7 +29,10 @@ GOOD: dict[str, Any] = {
 class Loop:
     """A controller on an integrator with a load, looked at once per second."""
 
-    def __init__(self, given: tuple[str, ...] = GIVEN, **settings: Any) -> None:
+    def __init__(
+        self, given: tuple[str, ...] = GIVEN, deviation: float = 0.0, **settings: Any
+    ) -> None:
+        self.random, self.deviation = Random(1), deviation
         self.controller = Controller(ControllerSettings(**{**GOOD, **settings}))
         self.remarks = Remarks(get_logger('loop'))
         self.doubts = Doubts(self.controller, RATE, given, self.remarks)
@@ -50,7 +54,8 @@ class Loop:
         for k in range(round(seconds * RATE)):
             r = None if reference is None else [reference(k / RATE)]
             sampled = k % every == 0
-            y, dt = (self.y, every / RATE) if sampled else (float('nan'), 0.0)
+            seen = self.y + self.random.gauss(0.0, self.deviation)
+            y, dt = (seen, every / RATE) if sampled else (float('nan'), 0.0)
             u = self.controller.tick(y, dt, elapsed=1.0 / RATE, reference=r)
             self.y += (gain * u - leak * self.y - 3.0) / RATE
             if k % RATE == 0:
@@ -68,6 +73,25 @@ def test_a_wrong_sign_of_b0_is_suspected_when_the_error_grows_at_a_limit(leak: f
     assert 'the error grew' in said and 'wrong sign of b0' in said
 
 
+def test_noise_hides_no_wrong_sign_and_is_no_growth() -> None:
+    """The loop that is well rests at its limit, off its reference by what the sensor scatters."""
+    for gain, suspected in ((-1.0, True), (1.0, False)):
+        loop = Loop(deviation=0.05, command_max=3.0, inner_bandwidth=5.0, outer_bandwidth=5.0)
+        for _ in range(40):
+            said = loop.run(1, lambda t: 0.3, gain=gain)
+            assert 'error grew' not in said or suspected
+        assert loop.controller.limited_for > 10.0
+        assert ('error grew' in said) == suspected
+
+
+def test_at_its_safe_limit_a_loop_is_not_suspected() -> None:
+    """A load that pulls is too much for who can only pull, as the sun is for a heater."""
+    loop = Loop(command_max=0.0, safe_command=0.0)
+    loop.y = 0.04
+    assert loop.run(20, lambda t: 0.0) == ''
+    assert loop.y < -10.0 and loop.controller.command == 0.0
+
+
 def test_a_saturated_loop_whose_error_shrinks_is_not_suspected() -> None:
     assert Loop().run(20, lambda t: 1000.0) == ''
 
@@ -78,6 +102,39 @@ def test_a_reference_that_was_forgotten_is_told_and_what_is_held() -> None:
     assert loop.run(3) == ''
     assert loop.run(3) == '; no reference yet: holding 1.25, as none comes on /reference'
     assert loop.run(2, lambda t: 1.0) == ''
+
+
+def test_a_reference_that_is_refused_came_and_only_that_is_told() -> None:
+    said = Loop(reference_max=10.0).run(10, lambda t: 50.0)
+    assert said == '; the reference 50 is not taken: it is outside -1e+15 .. 10'
+
+
+def test_in_a_slow_loop_five_periods_pass_before_something_is_missing() -> None:
+    settings = GOOD | {'inner_bandwidth': 0.01, 'outer_bandwidth': 0.01, 'max_dt': 300.0}
+    controller = Controller(
+        ControllerSettings(**settings | {'measurement_timeout': 300.0}), checked=True
+    )
+    remarks = Remarks(get_logger('slow'))
+    doubts = Doubts(controller, 1.0 / 30.0, GIVEN, remarks)
+    topics = ('/reference', '/reference/rate')
+    references = [Input(topic=name, qos=LATEST, silence=OK, sole=True) for name in topics]
+    told = []
+    for second in range(300):
+        if second % 30 == 0:
+            controller.tick(0.0, 30.0)
+        doubts.look(30.0, references)
+        told.append('no reference yet' in remarks.added_to(OK, '')[1])
+    assert 100 < told.index(True) < 200
+
+
+def test_in_a_slow_loop_too_a_moving_reference_is_seen(capfd: pytest.CaptureFixture[str]) -> None:
+    slow = Loop(max_dt=300.0, measurement_timeout=300.0)
+    slow.doubts = Doubts(slow.controller, 1.0 / 30.0, GIVEN, slow.remarks)
+    for second in range(300):
+        if second % 30 == 0:
+            slow.controller.tick(0.0, 30.0, reference=[float(second)])
+        slow.doubts.look(30.0, slow.references)
+    assert 'followed late' in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -145,3 +202,13 @@ def test_a_remark_is_logged_when_it_is_new_and_not_each_time_it_comes_and_goes(
     remarks.put('it', 'it is 3')
     assert capfd.readouterr().err.count('it is 3') == 1
     assert remarks.added_to(OK, 'well') == (WARN, 'well; it is 3')
+
+
+def test_what_is_only_news_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
+    time = [0.0]
+    remarks = Remarks(get_logger('remarks'), lambda: time[0])
+    for _ in range(10):
+        time[0] += 2.0 * AGAIN
+        remarks.put('it', 'it moves', OK)
+        remarks.put('it', '')
+    assert capfd.readouterr().err.count('it moves') == 1
