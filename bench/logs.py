@@ -98,7 +98,13 @@ class Case:
         seen = r[np.maximum(kept, 0)] if self.recorded else np.full(count, np.nan)
         columns = {'time': t, 'reference': seen, 'measurement': y, 'command': u}
         columns = {name: values[self.cut :] for name, values in columns.items()}
-        return RecordedRun(path=Path('log'), rate=1.0 / self.h, columns=columns, summary={})
+        return RecordedRun(
+            path=Path('log'),
+            rate=1.0 / self.h,
+            stop=float(columns['time'][-1]),
+            columns=columns,
+            summary={},
+        )
 
     def _loop(self, r: Array, pushes: Array, noise: Array) -> tuple[Array, Array]:
         x, command = np.array(self.start), self.controller.run(self.h) if self.controller else None

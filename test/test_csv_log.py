@@ -24,7 +24,13 @@ def written(folder: Path, text: str) -> Path:
 
 def run_of(**columns: Array) -> RecordedRun:
     usual = {'time': T, 'reference': 0.0 * T, 'measurement': 0.0 * T, 'command': 0.0 * T}
-    return RecordedRun(path=Path('log'), rate=100.0, columns=usual | columns, summary={})
+    return RecordedRun(
+        path=Path('log'),
+        rate=100.0,
+        stop=float(usual['time'][-1]),
+        columns=usual | columns,
+        summary={},
+    )
 
 
 def test_columns_of_usual_names_are_found_and_told(tmp_path: Path) -> None:

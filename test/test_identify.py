@@ -45,7 +45,13 @@ def run_of(scenario: Scenario) -> RecordedRun:
     result = scenario.run(next(iter(scenario.controllers)))
     names = ('time', 'reference', 'measurement', 'command')
     columns = {name: getattr(result, name) for name in names}
-    return RecordedRun(path=Path('run'), rate=scenario.rate, columns=columns, summary={})
+    return RecordedRun(
+        path=Path('run'),
+        rate=scenario.rate,
+        stop=float(columns['time'][-1]),
+        columns=columns,
+        summary={},
+    )
 
 
 @pytest.fixture(scope='module')

@@ -172,6 +172,61 @@ def test_what_comes_after_its_rows_were_made_is_counted() -> None:
     assert rows.late == 1
 
 
+# ---- the end ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('duration', [None, 10_000])
+def test_a_stream_that_ended_before_the_others_leaves_a_gap_up_to_the_end(
+    duration: int | None,
+) -> None:
+    rows = Rows(NAMES[:3]) if duration is None else Rows(NAMES[:3], duration * MS)
+    for name, time, value in loop(range(0, 15_000, 10), 10.0, truth=False):
+        if name in NAMES[:3] and (name != 'measurement' or time < START + 5000 * MS):
+            rows.take(name, time, value)
+    made = [*rows.close(rows.newest - 300 * MS), *rows.end()]
+    stop = 1e-3 * (duration or 14_992)  # the last command
+    assert rows.stop == START + stop * 1e9
+    (gap,) = rows.gaps
+    assert (gap.signal, gap.time - START, gap.lost) == ('measurement', 4990 * MS, 0)
+    assert gap.length == pytest.approx((stop - 4.99) * 1e9)
+    found = Figures(RunSettings())
+    for row in made:
+        found.add(row.time, row.values)
+    found.end(stop)
+    assert (found.rows, found.stop) == (500, stop)
+    assert found.gap_time == pytest.approx(stop - 5.0)
+    assert found.periods == round(stop / 0.01)
+    assert found.values().duration == pytest.approx(5.0)
+
+
+def test_what_is_lost_counts_up_to_the_end_of_the_duration() -> None:
+    """A recorder without a processor looks only long after that."""
+    lost = {400: 2, 1500: 500, 1700: 40}  # before 400 ms, from 990 to 1500 ms, to 1700 ms
+    rows, count = Rows(NAMES[:3], 1000 * MS), 0
+    for name, time, value in loop(range(0, 2000, 5), truth=False):
+        at = round((time - START) / MS)
+        if name == 'measurement' and 990 < at < 1500:
+            continue
+        if name in NAMES[:3]:
+            rows.take(name, time, value, lost=lost.get(at, 0) if name == 'measurement' else 0)
+        count += len(rows.close(rows.newest - 300 * MS)) if at % 50 == 0 and at > 1600 else 0
+    assert rows.lost == {'reference': 0, 'measurement': 2 + 10, 'command': 0}
+    count += len(rows.end())
+    assert count == 199
+    assert rows.lost['measurement'] == 12
+    assert not rows.gaps
+
+
+def test_before_the_first_command_nothing_is_lost() -> None:
+    rows = Rows(NAMES[:3])
+    for name, time, value in loop(range(0, 1000, 5), truth=False):
+        if name in NAMES[:3] and (name != 'command' or time >= START + 500 * MS):
+            rows.take(name, time, value, lost=int(name != 'reference'))
+            rows.close(rows.newest - 100 * MS)
+    rows.end()
+    assert rows.lost == {'reference': 0, 'measurement': 99, 'command': 99}
+
+
 # ---- figures of merit -------------------------------------------------------------------------
 
 

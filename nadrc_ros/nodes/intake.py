@@ -35,18 +35,16 @@ class Intake:
         Listens.
     topics
         Topics by signal.
-
-    Attributes
-    ----------
-    lost
-        How many samples were lost since the run began, by signal.
+    duration
+        Of a run [s].
 
     """
 
-    def __init__(self, node: Node, topics: Mapping[str, str]) -> None:
+    def __init__(self, node: Node, topics: Mapping[str, str], duration: float) -> None:
         self.losses = {name: Losses() for name in topics}
         self.simulated: bool = node.get_parameter('use_sim_time').value
         self._node = node
+        self._duration = duration
         self._departures: dict[str, Departures] = {}
         self._offset = Offset()
         self._clock = self._stood = 0
@@ -60,12 +58,20 @@ class Intake:
 
     def restart(self, begin: int) -> None:
         """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
-        self.lost = dict.fromkeys(self.losses, 0)
         self.open = True
-        self._rows = Rows(list(self.losses))
+        self._rows = Rows(list(self.losses), self._duration * SECOND)
         self._begin = begin
-        self._started = False
         self._looked = self.now()
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Return how many samples of the run were lost, by signal."""
+        return self._rows.lost
+
+    @property
+    def stop(self) -> float:
+        """Return when the run ends [ns], as far as it is known."""
+        return self._rows.stop
 
     def lost_by_signal(self) -> dict[str, int] | None:
         """Return what was lost, None where the middleware does not number what it sends."""
@@ -95,7 +101,7 @@ class Intake:
             self._departures[source] = Departures(self._offset)
         return self._departures[source].of(info, now)
 
-    def since_begin(self, moment: int) -> float | None:
+    def since_begin(self, moment: float) -> float | None:
         """Return the time of a moment in the run [s], None before its first row."""
         begin = self._rows.begin
         return None if begin is None or moment < begin else (moment - begin) / SECOND
@@ -112,7 +118,8 @@ class Intake:
     def gaps(self) -> list[Gap]:
         """Return the gaps in the run that were found since they were asked for."""
         found, self._rows.gaps = self._rows.gaps, []
-        return [gap for gap in found if gap.signal in REGULAR and self.since_begin(gap.time)]
+        regular = [gap for gap in found if gap.signal in REGULAR]
+        return [gap for gap in regular if self.since_begin(gap.time) is not None]
 
     def end(self) -> list[Row]:
         """Return the rows that are left, and take no more samples."""
@@ -125,9 +132,6 @@ class Intake:
             moment = self.left(name, info)
             if not self.open:
                 return
-            if self._started:  # before the first row, none is missing
-                self.lost[name] += lost
-            self._started = self._started or name == 'command'
             stamp = nan
             if name in STAMPED and info['source_timestamp']:
                 stamp = (info['source_timestamp'] - self._begin) / SECOND

@@ -123,7 +123,7 @@ class RecorderNode(LiveNode):
             for topic in topics.values():
                 self.lockstep.add_input(topic)
         else:
-            self.intake = Intake(self, topics)
+            self.intake = Intake(self, topics, self.settings.duration or inf)
             self.inputs = list(self.intake.inputs.values())
             if not self.intake.simulated:  # stamps are of this machine's clock
                 self._columns += STAMPS
@@ -163,8 +163,10 @@ class RecorderNode(LiveNode):
         self.recording = False
         if self.intake is not None:
             self.intake.open = False
-        self.figures.end()
         self._write_notes(inf)
+        self.figures.end(
+            None if self.intake is None else self.intake.since_begin(self.intake.stop)
+        )
         self.folder.close()
         self.folder.write_summary(self._summary())
 
@@ -216,7 +218,9 @@ class RecorderNode(LiveNode):
         ready = [each for each in self._notes if each[0] <= until]
         self._notes = [each for each in self._notes if each[0] > until]
         for moment, note in sorted(ready, key=lambda each: each[0]):
-            note(None if self.intake is None else self.intake.since_begin(moment))
+            t = None if self.intake is None else self.intake.since_begin(moment)
+            if t is None or t <= (self.settings.duration or inf):
+                note(t)
 
     def _write_gap(self, gap: Gap, t: float | None) -> None:
         cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
@@ -228,8 +232,12 @@ class RecorderNode(LiveNode):
 
     def _fire(self, values: list[float]) -> None:
         """Record one lockstep period."""
-        if self.recording:
-            row = Row(self.figures.rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
+        if not self.recording:
+            return
+        row = Row(self.figures.rows / self.pacing.rate, dict(zip(self._columns[1:], values)))
+        if self._is_over(row.time + self._half()):
+            self._guarded(self._complete)
+        else:
             self._guarded(self._write, [row])
 
     def _on_flush(self) -> None:
@@ -245,24 +253,34 @@ class RecorderNode(LiveNode):
         if self.intake is not None:
             until, rows = self.intake.close()
             self._write(rows)
-            if not self.recording:  # that was the last row
+            if self._is_over(self.intake.since_begin(until)):
+                self._write(self.intake.end())
+                self._complete()
                 return
             self._write_notes(until)
         self.folder.flush()
 
+    def _is_over(self, time: float | None) -> bool:
+        return time is not None and 0.0 < self.settings.duration <= time
+
     def _write(self, rows: list[Row]) -> None:
         stamped = STAMPED if self._columns[-1] in STAMPS else ()
         for row in rows:
-            rate = self.figures.rate
-            half = 0.5 / rate if rate else 0.0
-            if 0.0 < self.settings.duration <= row.time + half:
-                self._finish()
-                self.get_logger().info(f'{self.settings.duration:g} s are recorded')
+            if self._is_over(row.time + self._half()):
                 return
             self.figures.add(row.time, row.values)
             self.folder.write(
                 [row.time, *row.values.values(), *(row.stamps[name] for name in stamped)]
             )
+
+    def _half(self) -> float:
+        """Return half a period [s]: so near to the end of the duration a row is after it."""
+        return 0.5 / self.figures.rate if self.figures.rate else 0.0
+
+    def _complete(self) -> None:
+        """End a run that is as long as was asked for."""
+        self._finish()
+        self.get_logger().info(f'{self.settings.duration:g} s are recorded')
 
     def _guarded(self, work: Callable[..., None], *arguments: Any) -> None:
         """Stop, with a reason, when the disk is full."""

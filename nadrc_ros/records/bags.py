@@ -33,9 +33,9 @@ def is_bag(path: Path) -> bool:
     )
 
 
-def read_bag(path: Path, source: Source) -> dict[str, Array]:
+def read_bag(path: Path, source: Source) -> tuple[dict[str, Array], float]:
     """
-    Return the signals of a bag on the times of its measurements, see :func:`rows_of`.
+    Return the signals of a bag on the times of its measurements and its end: :func:`rows_of`.
 
     Raises
     ------

@@ -11,9 +11,9 @@ from nadrc_ros.scenario.csv_file import CsvFile, open_csv, Series
 import numpy as np
 
 
-def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], str]:
+def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], float, str]:
     """
-    Return the signals of a file on the times of its measurements, and how it was understood.
+    Return the signals of a file on the times of its measurements, its end, how it was understood.
 
     A row of the file has a measurement and the command that was sent in reply; cells may be empty,
     as where each signal has rows of its own. See :func:`rows_of`.
@@ -46,7 +46,7 @@ def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], str]:
         if signal not in stamps:
             raise RecordingError(f'no number in column {columns[signal]}')
     told = _told(file, series, {'time': time, **columns}, given, source.time_unit)
-    return rows_of(stamps, values), told
+    return *rows_of(stamps, values), told
 
 
 def _given(source: Source) -> dict[str, str]:

@@ -75,6 +75,8 @@ class Figures:
         Time of the last row [s].
     gap_time
         Time that is in no figure [s].
+    stop
+        When the run ended [s], None where that is not known.
 
     """
 
@@ -82,6 +84,7 @@ class Figures:
         self.settings = settings
         self.rows = 0
         self.gap_time = 0.0
+        self.stop: float | None = None
         self._metrics = Metrics(settings.settle_time or inf)
         self._spacing = Spacing()
         self._waiting: tuple[float, Mapping[str, float]] | None = None
@@ -100,11 +103,18 @@ class Figures:
             self._count(self._waiting[0], self._length(t - self._waiting[0]), self._waiting[1])
         self._waiting = t, values
 
-    def end(self) -> None:
-        """Count the last row, too."""
-        if self._waiting is not None:
-            self._count(self._waiting[0], self._spacing.usual, self._waiting[1])
-            self._waiting = None
+    def end(self, stop: float | None = None) -> None:
+        """Count the last row, too, and what was missing from there to the time ``stop`` [s]."""
+        self.stop = stop
+        if self._waiting is None:
+            return
+        (t, values), usual = self._waiting, self._spacing.usual
+        self._waiting = None
+        self._count(t, usual, values)
+        span = 0.0 if stop is None else stop - t
+        if self._spacing.is_gap(span):
+            self.gap_time += span - usual
+            self._passed += round(span / usual) - 1
 
     def values(self) -> MetricValues:
         """Return the figures so far."""

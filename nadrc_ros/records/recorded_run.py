@@ -16,6 +16,7 @@ from nadrc_ros.records.recording import (
     read_summary,
     RecordingError,
     SAMPLES,
+    stop_of,
 )
 from nadrc_ros.records.source import Source
 import numpy as np
@@ -40,6 +41,8 @@ class RecordedRun:
         Arrays (N,) by the names of ``samples.csv``, nan where a value is missing: ``time`` [s],
         ``reference``, ``measurement``, ``command`` always, others if they were recorded. A
         measurement that was lost leaves a gap in ``time`` and has no row.
+    stop
+        Until when the log goes on [s], with rows or without.
     summary
         The recorder's summary, empty if there is none.
     told
@@ -49,6 +52,7 @@ class RecordedRun:
 
     path: Path
     rate: float
+    stop: float
     columns: dict[str, Array]
     summary: dict[str, Any]
     told: str = ''
@@ -80,12 +84,13 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
                 f'{SAMPLES} has columns of known names; topics and columns are those of other logs'
             )
         columns, summary = _columns(path), read_summary(path)
+        stop = stop_of(summary) or 0.0
         rate = read_settings(path).rate or _rate(_measured(columns))
     elif path.exists() and is_bag(path):
-        columns = read_bag(path, source)
+        columns, stop = read_bag(path, source)
         rate = _rate(columns['time'])
     elif path.is_file():
-        columns, told = read_csv_log(path, source)
+        columns, stop, told = read_csv_log(path, source)
         rate = _rate(columns['time'])
     elif path.exists():
         raise RecordingError(
@@ -94,7 +99,14 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
     else:
         raise RecordingError('there is no such file or folder')
     columns.setdefault('reference', np.full(len(columns['time']), np.nan))
-    return RecordedRun(path=path, rate=rate, columns=columns, summary=summary, told=told)
+    return RecordedRun(
+        path=path,
+        rate=rate,
+        stop=max(stop, float(columns['time'][-1])),
+        columns=columns,
+        summary=summary,
+        told=told,
+    )
 
 
 def _columns(folder: Path) -> dict[str, Array]:

@@ -159,7 +159,8 @@ def summary(figures: Figures) -> dict[str, Any]:
     """
     Return what every summary has, whoever makes it.
 
-    There are fewer ``rows`` than ``periods`` where there was nothing to make them of.
+    There are fewer ``rows`` than ``periods`` where there was nothing to make them of. The run
+    went on until ``stop``, with or without rows; None where nobody knows.
     """
     return {
         'metrics': figures.values().as_dict(),
@@ -168,6 +169,7 @@ def summary(figures: Figures) -> dict[str, Any]:
         'rate': figures.rate,
         'error': figures.settings.error,
         'gap_time': figures.gap_time,
+        'stop': figures.stop,
     }
 
 
@@ -202,7 +204,7 @@ def summarise(folder: Path) -> dict[str, Any]:
         figures.add(time, values)
     if not figures.rows:
         raise RecordingError(f'{SAMPLES}: no samples')
-    figures.end()
+    figures.end(stop_of(read_summary(folder)))
     return summary(figures) | {
         'samples_lost': None,
         'samples_lost_by_signal': None,
@@ -217,6 +219,12 @@ def read_summary(folder: Path) -> dict[str, Any]:
     except (FileNotFoundError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}
+
+
+def stop_of(content: Mapping[str, Any]) -> float | None:
+    """Return when the run of a summary ended [s], None where that does not say it."""
+    stop = content.get('stop')
+    return float(stop) if isinstance(stop, (int, float)) and isfinite(stop) else None
 
 
 def read_settings(folder: Path) -> RunSettings:

@@ -53,6 +53,7 @@ class Track:
         self.spacing = Spacing()
         self._lost: list[int] = []
         self._settled = 0  # so many of them were in order when they were looked at
+        self._missed = 0  # by those that were dropped
 
     def take(self, time: int, value: float, stamp: float, lost: int) -> None:
         """Add a sample, which may be older than those that are there."""
@@ -78,16 +79,42 @@ class Track:
             self._settled += 1
         return gaps
 
-    def forget(self, before: int, keep: int = 2) -> None:
-        """Drop what is older, but for the last few."""
+    def silence(self, end: int, signal: str) -> list[Gap]:
+        """Return the gap up to ``end`` where the samples ended before."""
+        place = bisect_right(self.times, end) - 1
+        span = end - self.times[place] if place >= 0 else 0
+        if not self.spacing.is_gap(span):
+            return []
+        time = self.times[place]
+        around = slice(place, place + 2)
+        lost = missing(self.times[around], self._lost[around], time, end)
+        return [Gap(signal, time, span, lost)]
+
+    def lost(self, begin: float, end: float) -> int:
+        """Return how many samples were lost from ``begin`` to ``end``."""
+        return self._missed + missing(self.times, self._lost, begin, end)
+
+    def forget(self, before: int, begin: float, end: float, keep: int = 2) -> None:
+        """Drop what is older, but for the last few, and what was lost from begin to end."""
         count = max(0, bisect_left(self.times, before) - keep)
         count = min(count, max(0, self._settled - 1))
+        self._missed += missing(self.times[: count + 1], self._lost[: count + 1], begin, end)
         del self.times[:count], self.values[:count], self.stamps[:count], self._lost[:count]
         self._settled -= count
 
     def last(self, end: float) -> int:
         """Return the place of the last sample before ``end``, -1 if there is none."""
         return bisect_left(self.times, end) - 1
+
+
+def missing(times: Sequence[int], lost: Sequence[int], begin: float, end: float) -> int:
+    """Return how many of the ``lost`` before each time but the first are from begin to end."""
+    found = 0
+    for one, two, count in zip(times, times[1:], lost[1:]):
+        inside = min(two, end) - max(one, begin)
+        if count and inside >= 0:  # those across an end are taken to be evenly spaced
+            found += round(count * inside / (two - one)) if two > one else count
+    return found
 
 
 class Rows:
@@ -106,6 +133,8 @@ class Rows:
     ----------
     names
         Signals, ``measurement`` and ``command`` among them.
+    duration
+        For how long [ns] they go on; what came later is in no row, gap or loss.
 
     Attributes
     ----------
@@ -118,7 +147,7 @@ class Rows:
 
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], duration: float = inf) -> None:
         self.begin: int | None = None
         self.late = 0
         self.gaps: list[Gap] = []
@@ -127,6 +156,26 @@ class Rows:
         self._instants: list[tuple[int, float, float]] = []
         self._known = self._last = -1  # instants: all up to here are known, the last one
         self._newest = -1
+        self._duration = duration
+        self._over = False  # all up to the end is known
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Return how many samples of each signal were lost so far."""
+        begin = self.begin
+        if begin is None:
+            begin = next(iter(self._tracks[COMMAND].times), None)
+        span = inf if begin is None else begin, self._limit
+        return {name: track.lost(*span) for name, track in self._tracks.items()}
+
+    @property
+    def stop(self) -> float:
+        """Return when the last row ends [ns]: that of the newest sample, or of the duration."""
+        return self._limit if self._over else min(self._newest, self._limit)
+
+    @property
+    def _limit(self) -> float:
+        return inf if self.begin is None else self.begin + self._duration
 
     @property
     def newest(self) -> int:
@@ -154,14 +203,20 @@ class Rows:
         return self._close(until, OVERDUE)
 
     def end(self) -> list[Row]:
-        """Return all rows that are left."""
+        """Return all rows that are left; a stream that ended before the others leaves a gap."""
         rows = self._close(self._newest, 0.0)
-        if self.begin is not None and self._instants:
+        if self.begin is None:
+            return rows
+        if self._instants:
             rows.append(self._row(self._instants.pop(), inf))
+        for name, track in self._tracks.items():
+            self.gaps += track.silence(int(self.stop), name)
         return rows
 
     def _close(self, until: int, wait: float) -> list[Row]:
         """Close rows; a measurement may come so many spacings after an output before ``until``."""
+        self._over = self._over or until >= self._limit
+        until = int(min(until, self._limit))
         for name, track in self._tracks.items():
             self.gaps += track.settle(until, name)
         self._find_instants(until - int(wait * self._due()) if OUTPUT in self._tracks else until)
@@ -273,5 +328,6 @@ class Rows:
     def _forget(self) -> None:
         """Drop what no row will need."""
         needed = self._instants[0][0] if self._instants else self._known
+        begin = inf if self.begin is None else self.begin
         for track in self._tracks.values():
-            track.forget(needed)
+            track.forget(needed, begin, self._limit)

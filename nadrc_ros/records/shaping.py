@@ -34,13 +34,14 @@ def window(run: RecordedRun, begin: float | None, end: float | None) -> Recorded
 
     """
     time = run.columns['time']
-    low, high = time[0] if begin is None else begin, time[-1] if end is None else end
+    low, high = time[0] if begin is None else begin, run.stop if end is None else end
     inside = (time >= low) & (time <= high)
     if not inside.any():
         raise RecordingError(
             f'no row from {low:g} to {high:g} s: the run has {time[0]:g} to {time[-1]:g} s'
         )
-    return attrs.evolve(run, columns={name: c[inside] for name, c in run.columns.items()})
+    columns = {name: column[inside] for name, column in run.columns.items()}
+    return attrs.evolve(run, stop=min(run.stop, high), columns=columns)
 
 
 def wrap_of(values: Array) -> float | None:

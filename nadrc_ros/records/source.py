@@ -101,9 +101,11 @@ def _word(name: str) -> str:
     return re.sub(r'_(s|sec|ms|us|ns|min)$', '', word)
 
 
-def rows_of(stamps: Mapping[str, Array], values: Mapping[str, Array]) -> dict[str, Array]:
+def rows_of(
+    stamps: Mapping[str, Array], values: Mapping[str, Array]
+) -> tuple[dict[str, Array], float]:
     """
-    Return signals that came each at its own times on those of the measurements.
+    Return signals that came each at its own times on those of the measurements, and the last time.
 
     A row belongs to one measurement and holds the last value of every other signal that came
     before the next measurement: zero-order hold, and for the command the one that acted meanwhile.
@@ -126,7 +128,8 @@ def rows_of(stamps: Mapping[str, Array], values: Mapping[str, Array]) -> dict[st
     if 'reference' in stamps:
         columns['reference'] = _reference(grid, stamps['reference'], values['reference'])
     columns['measurement'] = values['measurement']
-    return {name: column[first:] for name, column in columns.items()}
+    stop = max(float(times[-1]) for times in stamps.values()) - float(grid[first])
+    return {name: column[first:] for name, column in columns.items()}, stop
 
 
 def _reference(grid: Array, stamps: Array, values: Array) -> Array:

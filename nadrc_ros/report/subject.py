@@ -113,6 +113,8 @@ class Subject:
         """Return how many periods have no measurement."""
         measured = self.time[np.isfinite(self.run.columns['measurement'])]
         periods = np.rint(np.diff(measured) * self.run.rate).sum()
+        if measured.size:  # one at the very end is not of this run any more
+            periods += max(0.0, np.rint((self.run.stop - measured[-1]) * self.run.rate) - 1.0)
         return max(0, int(periods) + 1 - len(measured))
 
     @property
@@ -236,7 +238,7 @@ def _sums(run: RecordedRun, figures: RunSettings, start: float) -> Figures:
     for row in zip(*columns.values()):
         values = dict(zip(columns, row))
         found.add(values['time'] - start, values)
-    found.end()
+    found.end(run.stop - start)
     return found
 
 

@@ -12,8 +12,11 @@ from typing import Any
 from feed import Feed, INPUTS, PERIOD
 from nadrc_ros.nodes.diagnostics import OK, WARN
 from nadrc_ros.records.figures import RunSettings
-from nadrc_ros.records.recording import read_samples, RunFolder, SAMPLES, SUMMARY
+from nadrc_ros.records.history import read_history
+from nadrc_ros.records.recording import read_samples, RunFolder, SAMPLES, summarise, SUMMARY
+from nadrc_ros.report.subject import read_subjects
 from probe import Probe, Processes
+import pytest
 from rclpy.qos import qos_profile_sensor_data, ReliabilityPolicy
 from std_msgs.msg import Float64
 
@@ -141,6 +144,46 @@ def test_a_run_ends_after_its_duration(make_probe: Callable[..., Probe], tmp_pat
     assert 0.4 < rows['time'][-1] < 0.5
     assert summary['metrics']['peak_error'] is not None  # from a tenth of the duration on
     assert not feed.recorder.finished
+
+
+@pytest.mark.parametrize('truth', [True, False])
+def test_a_run_ends_after_its_duration_though_the_sensor_is_dead(
+    make_probe: Callable[..., Probe], tmp_path: Path, truth: bool
+) -> None:
+    """And what comes after its end, or is lost there, is not of this run."""
+    feed = Feed(make_probe, tmp_path, duration=2.0)
+    if not truth:
+        feed.send['plant/output'] = lambda _: None
+    feed.samples(30)
+    losses, tell = feed.intake.losses['command'], feed.recorder._on_event
+    ends = feed.recorder.get_clock().now().nanoseconds * 1e-9 + 2.0
+    while feed.recorder.recording:
+        feed.sample(silent=True)
+        stamp = feed.recorder.get_clock().now().nanoseconds
+        tell(
+            '/someone',
+            'said',
+            'something',
+            {'source_timestamp': stamp, 'publication_sequence_number': None},
+        )
+        if stamp * 1e-9 > ends:
+            losses._last = [losses.newest - 5]  # as if five had not come
+    folder = feed.recorder.folder.path
+    found = json.loads((folder / SUMMARY).read_text())
+    assert (found['complete'], found['stop'], found['samples_lost']) == (True, 2.0, 0)
+    events = read_history(folder).events
+    (gap,) = [event for event in events if event.kind == 'gap']
+    lasted = 2.0 - (gap.time or 0.0)
+    assert gap.message == f'no measurement for {lasted:.4g} s: nothing was sent'
+    assert len(events) > 40 and all((event.time or 0.0) <= 2.0 for event in events)
+    summed = summarise(folder)
+    same = ('metrics', 'rows', 'periods', 'rate', 'gap_time', 'stop')
+    assert {key: summed[key] for key in same} == {key: found[key] for key in same}
+    (subject,) = read_subjects([folder]).values()
+    assert subject.gap_time == found['gap_time']
+    assert subject.gaps > 40
+    assert (found['gap_time'] > 1.0) != truth
+    assert found['gap_time'] + found['metrics']['duration'] == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_reset_that_cannot_open_a_run_is_answered(
