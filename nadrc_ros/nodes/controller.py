@@ -84,11 +84,10 @@ class ControllerNode(LiveNode):
         else:
             self._command = Sender(self, 'command')
             takers = [self._on_measurement, *map(self._reference_taker, range(len(inputs) - 1))]
+            silences = (WARN, *[None] * (len(inputs) - 1))
             self.inputs = [
-                receive(
-                    self, topic, take, silence=WARN if topic == 'measurement' else None, sole=True
-                )
-                for topic, take in zip(inputs, takers)
+                receive(self, topic, take, silence=silence, regular=silence == WARN, sole=True)
+                for topic, take, silence in zip(inputs, takers, silences)
             ]
             given = self._parameter_overrides
             doubts = Doubts(self.controller, self.pacing.rate, given, self.remarks)

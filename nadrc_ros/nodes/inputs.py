@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
+from math import inf
 import time
 
 import attrs
@@ -15,28 +16,40 @@ from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-# An input without samples for so long [s], or for so many periods, is looked into.
-GRACE, PERIODS = 4.0, 5
+# An input without samples for so long [s], or for so many periods, is looked into; also for so
+# many of the longest of the last intervals, of which so many are kept.
+GRACE, PERIODS, INTERVALS, KEPT = 4.0, 5, 3.0, 5
+# The whole graph is searched again for a name that is meant after so long [s].
+SEARCH_AGAIN = 30.0
 # Names of topics that are taken for the same one, misspelt.
 CLOSE = 0.8
 
 
 @attrs.define
 class _Silence:
-    """For how long an input has not been fed, and what was said of it."""
+    """Since when an input has not been fed, how it was before, and what was said of it."""
 
+    since: float
     count: int = 0
-    since: float = attrs.field(factory=time.monotonic)
+    intervals: deque[float] = attrs.field(factory=lambda: deque([0.0], maxlen=KEPT))
     told: str = ''
+    like: str = ''
+    searched: float = -inf
+
+    def end(self, count: int, now: float) -> None:
+        """Note that samples came."""
+        if self.count:
+            self.intervals.append(now - self.since)
+        self.since, self.count, self.told = now, count, ''
 
 
 class InputWatch:
     """
     Says of each input of a node why nothing comes, and when something does.
 
-    It is told once for each reason: nobody publishes the topic, perhaps a name like it; another
-    type is published; the quality of service does not fit; or the publisher is silent. An input
-    whose silence is a warning is watched for good, another one until its first sample.
+    It is told once a minute for each reason: nobody publishes the topic, perhaps a name like it;
+    another type is published; the quality of service does not fit; or the publisher is silent. A
+    regular input is watched for good, another one until its first sample.
 
     Parameters
     ----------
@@ -48,41 +61,49 @@ class InputWatch:
         Where it is said.
     period
         Nominal period [s].
+    now
+        The time [s].
 
     """
 
     def __init__(
-        self, node: Node, inputs: Sequence[Input], remarks: Remarks, period: float
+        self,
+        node: Node,
+        inputs: Sequence[Input],
+        remarks: Remarks,
+        period: float,
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node = node
         self._inputs = inputs
         self._remarks = remarks
         self._grace = max(GRACE, PERIODS * period)
-        self._silences = {each.topic: _Silence() for each in inputs}
+        self._now = now
+        self._silences = {each.topic: _Silence(now()) for each in inputs}
 
     def look(self) -> None:
         """Look at all inputs; to be called about once per second."""
         news: dict[tuple[str, bytes], list[str]] = defaultdict(list)
         held: dict[str, list[str]] = defaultdict(list)
-        fed = []
+        fed, now = [], self._now()
         for each in self._inputs:
             silence = self._silences[each.topic]
             if each.sole:
                 self._tell_several(each.topic)
             if each.count != silence.count:
-                fed += [each.topic] if silence.told else []
-                self._silences[each.topic] = _Silence(each.count)
+                if silence.told and self._remarks.due(f'{each.topic} fed'):
+                    fed.append(each.topic)
+                silence.end(each.count, now)
                 continue
-            too_long = time.monotonic() - silence.since > self._grace
-            if not too_long or (each.count and each.silence != WARN):
+            patience = max(self._grace, INTERVALS * max(silence.intervals))
+            if now - silence.since <= patience or (each.count and not each.regular):
                 continue
-            why, wrong = self._why(each)
-            level = WARN if wrong else each.silence
+            why, level = self._why(each, silence)
             if level is None:
                 continue
             if level != OK:
                 held[why].append(each.topic)
-            if why != silence.told:
+            if why != silence.told and self._remarks.due(f'{each.topic} {why}'):
                 silence.told = why
                 news[why, level].append(each.topic)
         for (why, level), topics in news.items():
@@ -98,37 +119,65 @@ class InputWatch:
         text = f'several publishers of {topic}: {", ".join(names)}'
         self._remarks.put(f'several {topic}', text if several else '')
 
-    def _why(self, each: Input) -> tuple[str, bool]:
-        """Return why nothing comes, and whether that is a mistake whatever the input is for."""
+    def _why(self, each: Input, silence: _Silence) -> tuple[str, bytes | None]:
+        """Return why nothing comes, and at which level to say it."""
         publishers = self._node.get_publishers_info_by_topic(each.topic)
         if not publishers:
-            like = self._like(each.topic)
-            return f'nobody publishes it{like}', bool(like)
+            like = self._like(each, silence)
+            if not like:
+                return 'nobody publishes it', each.silence
+            return f'nobody publishes it{like}', OK if each.silence is None else WARN
+        silence.searched = -inf
         names = ', '.join(sorted({publisher_name(info) for info in publishers}))
         types = sorted({info.topic_type for info in publishers})
         if FLOAT64 not in types:
-            return f'{names} publishes it as {", ".join(types)}, and {FLOAT64} is needed', True
+            return f'{names} publishes it as {", ".join(types)}, and {FLOAT64} is needed', WARN
         for info in publishers:
             fits, reason = qos_check_compatible(info.qos_profile, each.qos)
             if fits == QoSCompatibility.ERROR:
                 remedy = (
                     f'start with qos_overrides.{each.topic}.subscription.reliability = best_effort'
                 )
-                return f'{names} publishes it, but {reason.strip(" ;")}: {remedy}', True
-        return f'{names} publishes it, and sends nothing', False
+                return f'{names} publishes it, but {reason.strip(" ;")}: {remedy}', WARN
+        return f'{names} publishes it, and sends nothing', each.silence
 
-    def _like(self, topic: str) -> str:
-        """Return which topic may be meant: one whose name is close, or of another namespace."""
+    def _like(self, each: Input, silence: _Silence) -> str:
+        """Return which topic may be meant; searched now and then, if optional only once."""
+        pause = inf if each.silence is None else SEARCH_AGAIN
+        if self._now() - silence.searched >= pause:
+            silence.searched, silence.like = self._now(), self._search(each.topic)
+        return silence.like
+
+    def _search(self, topic: str) -> str:
+        """
+        Return which topic may be meant: one whose name is close, or of another namespace.
+
+        A topic that has a reader is not meant for us, nor one in the namespace of another node of
+        our name: the other axes of a machine.
+        """
+        node = self._node
+        home = node.get_namespace().rstrip('/')
+        homes = {
+            space.rstrip('/')
+            for name, space in node.get_node_names_and_namespaces()
+            if name == node.get_name()
+        }
+
+        def is_free(name: str) -> bool:
+            around = [space for space in homes if name.startswith(space + '/')]
+            of = max(around, key=len, default=home)
+            return of == home and bool(node.count_publishers(name))
+
         own = {
             name
-            for name, _ in self._node.get_publisher_names_and_types_by_node(
-                self._node.get_name(), self._node.get_namespace()
+            for name, _ in node.get_publisher_names_and_types_by_node(
+                node.get_name(), node.get_namespace()
             )
         } | set(self._silences)
         there = {
             name: types
-            for name, types in self._node.get_topic_names_and_types()
-            if name not in own and self._node.count_publishers(name)
+            for name, types in node.get_topic_names_and_types()
+            if name not in own and is_free(name) and not node.count_subscribers(name)
         }
         last = topic.rpartition('/')[2]
         same = [name for name in there if name.rpartition('/')[2] == last]

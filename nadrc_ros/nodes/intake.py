@@ -51,7 +51,12 @@ class Intake:
         self.restart(0)
         self.inputs = {
             name: receive(
-                node, topic, self._taker(name), RECORD, silence=WARN if name in NEEDED else OK
+                node,
+                topic,
+                self._taker(name),
+                RECORD,
+                silence=WARN if name in NEEDED else OK,
+                regular=name == 'measurement',
             )
             for name, topic in topics.items()
         }

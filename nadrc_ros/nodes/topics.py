@@ -64,6 +64,8 @@ class Input:
         Samples that came.
     silence
         Level of what is said when nothing comes, None for nothing unless it is a mistake.
+    regular
+        Whether samples have to go on coming after the first one.
     sole
         Whether there should be one publisher only.
 
@@ -72,6 +74,7 @@ class Input:
     topic: str
     qos: QoSProfile
     silence: bytes | None
+    regular: bool
     sole: bool
     count: int = 0
     subscription: Any = None
@@ -116,12 +119,15 @@ def receive(
     qos: QoSProfile = LATEST,
     *,
     silence: bytes | None = OK,
+    regular: bool = False,
     sole: bool = False,
     fixed: bool = False,
 ) -> Input:
     """Subscribe ``callback(value, info)`` to a topic; if ``fixed``, YAML cannot change its QoS."""
     qos = copy.copy(qos)  # rclpy writes overrides into it
-    heard = Input(topic=node.resolve_topic_name(topic), qos=qos, silence=silence, sole=sole)
+    heard = Input(
+        topic=node.resolve_topic_name(topic), qos=qos, silence=silence, regular=regular, sole=sole
+    )
 
     @with_info
     def call(data: bytes, info: Info) -> None:

@@ -38,7 +38,9 @@ class Loop:
         self.doubts = Doubts(self.controller, RATE, given, self.remarks)
         derivatives = self.controller.settings.received_derivatives
         names = ('/reference', '/reference/rate', '/reference/acceleration')[: 1 + derivatives]
-        self.references = [Input(topic=n, qos=LATEST, silence=OK, sole=True) for n in names]
+        self.references = [
+            Input(topic=n, qos=LATEST, silence=None, regular=False, sole=True) for n in names
+        ]
         self.y = 0.0
 
     def run(
@@ -117,7 +119,9 @@ def test_in_a_slow_loop_five_periods_pass_before_something_is_missing() -> None:
     remarks = Remarks(get_logger('slow'))
     doubts = Doubts(controller, 1.0 / 30.0, GIVEN, remarks)
     topics = ('/reference', '/reference/rate')
-    references = [Input(topic=name, qos=LATEST, silence=OK, sole=True) for name in topics]
+    references = [
+        Input(topic=name, qos=LATEST, silence=None, regular=False, sole=True) for name in topics
+    ]
     told = []
     for second in range(300):
         if second % 30 == 0:

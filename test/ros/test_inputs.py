@@ -8,10 +8,12 @@ from typing import Any
 
 from nadrc_ros.nodes import inputs
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import WARN
+from nadrc_ros.nodes.diagnostics import OK, WARN
+from nadrc_ros.nodes.inputs import InputWatch
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.nodes.topics import LATEST, SEND
+from nadrc_ros.nodes.remarks import AGAIN, Remarks
+from nadrc_ros.nodes.topics import Input, LATEST, SEND
 from probe import Probe
 import pytest
 import rclpy
@@ -147,3 +149,107 @@ def test_a_plant_and_a_recorder_tell_it_too(
     # one line for all that has one reason
     lines = [said for said in log.splitlines() if 'nothing comes on' in said]
     assert sum('/controller/' in said for said in lines) == 1
+
+
+class Watched:
+    """An input of a node, looked at once per second of a time of its own."""
+
+    def __init__(self, node: Node, topic: str, silence: bytes | None, *, regular: bool) -> None:
+        self.time = 0.0
+        self.input = Input(
+            topic=f'{node.get_namespace()}/{topic}',
+            qos=LATEST,
+            silence=silence,
+            regular=regular,
+            sole=True,
+        )
+        self.remarks = Remarks(node.get_logger(), lambda: self.time)
+        self.watch = InputWatch(node, [self.input], self.remarks, 0.005, lambda: self.time)
+
+    def run(self, seconds: int, every: int = 0) -> list[bool]:
+        """Let time pass, with a sample in each so many seconds; return when a warning held."""
+        held = []
+        for second in range(seconds):
+            self.time += 1.0
+            self.input.count += bool(every) and second % every == 0
+            self.watch.look()
+            held.append(self.remarks.added_to(OK, '')[0] == WARN)
+        return held
+
+
+def test_a_slow_sensor_is_no_silence_and_no_flood(
+    driver: Node, capfd: pytest.CaptureFixture[str]
+) -> None:
+    watched = Watched(driver, 'measurement', WARN, regular=True)
+    assert not any(watched.run(3600, every=10)[20:])
+    assert capfd.readouterr().err.count(' come') <= 2
+    assert any(watched.run(100))  # it broke
+    watched.run(10, every=1)
+    assert any(watched.run(5))  # and is not believed to be so slow as it was silent
+
+
+def test_an_input_that_flickers_is_logged_once_a_minute(
+    driver: Node, capfd: pytest.CaptureFixture[str]
+) -> None:
+    watched = Watched(driver, 'measurement', WARN, regular=True)
+    for _ in range(100):
+        watched.run(8, every=1)
+        watched.run(4)
+    assert capfd.readouterr().err.count('nothing comes') <= 1 + watched.time / AGAIN
+
+
+def test_the_graph_is_searched_now_and_then_and_for_an_optional_input_once(
+    driver: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched, search = [0], driver.get_topic_names_and_types
+
+    def counted() -> Any:
+        searched[0] += 1
+        return search()
+
+    monkeypatch.setattr(driver, 'get_topic_names_and_types', counted)
+    Watched(driver, 'measurement', WARN, regular=True).run(300)
+    assert 2 <= searched[0] <= 11
+    searched[0] = 0
+    Watched(driver, 'reference/rate', None, regular=False).run(300)
+    assert searched[0] == 1
+
+
+@pytest.mark.parametrize('of', ('nobody', 'another axis', 'a reader'))
+def test_what_another_axis_or_anybody_reads_is_not_meant(
+    of: str, namespace: str, driver: Node, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def add(name: str, axis: str) -> Node:
+        made.append(Node(name, namespace=f'{namespace}/{axis}', context=driver.context))
+        return made[-1]
+
+    made: list[Node] = []
+    node, topic = add('controller', 'x'), f'{namespace}/y/reference/rate'
+    driver.create_publisher(Float64, topic, SEND)
+    other = add('controller' if of == 'another axis' else 'planner', 'y')
+    if of == 'a reader':
+        other.create_subscription(Float64, topic, print, SEND)
+    watched = Watched(node, 'reference/rate', None, regular=False)
+    needed = Watched(node, 'reference/rate', WARN, regular=True)
+    assert not any(watched.run(60))
+    assert ('did you mean' in capfd.readouterr().err) == (of == 'nobody')
+    needed.run(60)
+    assert ('did you mean' in needed.remarks.added_to(OK, '')[1]) == (of == 'nobody')
+    for each in made:
+        each.destroy_node()
+
+
+def test_a_setpoint_that_stands_still_and_a_silent_controller_are_no_warning_of_a_recorder(
+    probe: Probe, tmp_path: Path
+) -> None:
+    probe.add(RecorderNode(parameters={'directory': str(tmp_path / 'runs')}))
+    publish = {name: probe.publisher(name) for name in ('reference', 'command', 'measurement')}
+    for name in publish:
+        told(probe, f'{probe.namespace}/{name}', 'recorder')
+    probe.wait_until(lambda: all(map(probe.readers, publish)))
+    probe.node.create_timer(0.02, lambda: publish['measurement'](0.0))
+    publish['reference'](1.0), publish['command'](0.0)
+    probe.wait_until(lambda: 'nothing comes' not in probe.said('recorder')[-1][1])
+    n = len(probe.said('recorder'))
+    probe.wait_until(lambda: len(probe.said('recorder')) > n + 3)
+    assert not any('nothing comes' in message for _, message, _ in probe.said('recorder')[n:])
