@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from math import inf, sqrt
+from statistics import NormalDist
 
 from matplotlib.figure import Figure
 from nadrc_ros.scenario import find_scenario, load, Scenario
@@ -36,7 +37,7 @@ CONTROLLERS = {'c': 'c_adrc', 'n': 'n_adrc'}
 # interval of 95 % over the seeds must be inside: over 4,000 seeds that nothing was fitted to the
 # N-ADRC noisy ITAE of G is 4.3 +- 0.2 % low, and over 256 it scatters by 0.9 % about that.
 TOLERANCES = {'G': 0.06, 'P': 0.12, 'V': 0.12}
-INTERVAL = 1.96
+CONFIDENCE = 0.95
 DECLARED = {'G': tuple(TABLE_1), 'P': tuple(ALL), 'V': tuple(ALL)}
 # A reduction is called plausible when all scenarios are this close to it, relative to it. That of
 # the noise-free ISU is reached by none: declared is this share of it at most.
@@ -74,7 +75,12 @@ def measure(tell: Tell, jobs: int, seeds: int = SEEDS) -> Result:
             'reductions': reductions({key: row['mean'] for key, row in table.items()}),
             'one_period': one_period(scenario),
         }
-    return {'seeds': seeds, 'scenarios': found, 'paper_reductions': reductions(ALL)}
+    return {
+        'seeds': seeds,
+        'confidence': CONFIDENCE,
+        'scenarios': found,
+        'paper_reductions': reductions(ALL),
+    }
 
 
 def measured(scenario: Scenario, seeds: range, jobs: int) -> dict[str, Statistics]:
@@ -104,7 +110,11 @@ def beside_paper(key: str, ours: Statistics) -> Statistics:
 
 def interval(number: Mapping[str, float], seeds: int) -> tuple[float, float]:
     """Return the 95 % interval of a mean over ``seeds``, relative to the printed number."""
-    uncertain = INTERVAL * number['std'] / (sqrt(seeds) * number['paper'])
+    uncertain = (
+        NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
+        * number['std']
+        / (sqrt(seeds) * number['paper'])
+    )
     return number['relative'] - uncertain, number['relative'] + uncertain
 
 
