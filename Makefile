@@ -50,7 +50,7 @@ test-paper: build $(VENV)/dev ## run the tests of the reproduction of the paper
 test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	@$(ACTIVATE)
 	[ -z '$(ARGS)' ] || exec python -m pytest $(ARGS)
-	python -m pytest -n 2 --dist loadfile --ignore=test/ros --junitxml=build/tests.xml
+	python -m pytest -n 2 --dist loadfile test --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	[ "$$n" -le $(MIN_TESTS) ] || echo "make: there are $$n tests by now: let the Makefile say MIN_TESTS := $$n"

@@ -135,7 +135,8 @@ class Ours:
 
     def __init__(self, **changes: Any) -> None:
         self.settings = attrs.evolve(SETTINGS, **changes)
-        self.controller = Controller(self.settings)
+        # The rivals begin with their first sample, too.
+        self.controller = Controller(self.settings, checked=True)
         self.span = 0.0
 
     def tick(self, r: float, y: float | None, elapsed: float, applied: float) -> float:
