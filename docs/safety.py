@@ -20,8 +20,9 @@ PAGE = Path(__file__).with_name('safety.md')
 PICTURE = PAGE.with_name('states.svg')
 TESTS = PAGE.parents[1] / 'test'
 PROMISES = (
-    'A measurement or reference that is no number never enters the observer: its state stays the '
-    'same to the bit, and the status says so.',
+    'A measurement or reference that is no number never enters the observer: estimates and '
+    'profile stay the same to the bit, only the mean of the command over the gap goes on, and the '
+    'status says so.',
     'No command that is no number or outside its limits is ever published, whatever comes in.',
     'What is no number never becomes full actuator: it is sorted out before the clamp.',
     'No poison: after bad samples the loop is back in its band within a stated number of good '

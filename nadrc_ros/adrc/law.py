@@ -3,7 +3,8 @@ The law as pure functions: N-ADRC from one sample to one command.
 
 State is explicit. ``step`` reads one state and writes another that never aliases it, so that
 replay, rollback and a bumpless change of settings are ordinary assignments. Nothing here raises:
-bad input gives a :class:`Status`, and the next state equals the old one to the bit.
+bad input gives a :class:`Status`, and the state after ``step`` equals the one before to the bit.
+``wait`` then takes the command of that tick into the mean that the next good sample is told.
 """
 
 from __future__ import annotations

@@ -233,8 +233,8 @@ class ControllerSettings:
         0.0,
         3600.0,
         's',
-        'time at a limit of the command without coming nearer to the reference that is a stall; '
-        '0 = off',
+        'time at a limit of the command, not the safe one, without coming nearer to the reference '
+        'that is a stall; 0 = off',
     )
     stall_action: str = choice(
         'warn',

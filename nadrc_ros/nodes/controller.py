@@ -20,7 +20,7 @@ from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.mode_news import describe, LEVELS, ModeNews
+from nadrc_ros.nodes.mode_news import cut_short, describe, jump, LEVELS, ModeNews
 from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
 from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.nodes.rivals import Rivals
@@ -104,7 +104,7 @@ class ControllerNode(LiveNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
         shared = loop.share_command or self.pacing.lockstep
-        self._rivals = Rivals(self, self._command, self.remarks, shared=shared)
+        self._rivals = Rivals(self, self._command, self.remarks, self.pacing.period, shared=shared)
         self._estimates = Estimates(
             self._sender, self.controller.design.levels, always=self.lockstep is not None
         )
@@ -240,7 +240,9 @@ class ControllerNode(LiveNode):
         if self._news.now != controller.watch[:2] and self._log_mode():
             self.diagnostics.publish()
         if controller.settings is not settings:
-            self._tell_if_jumped(applied, settings.command_rate_limit * elapsed)
+            allowed = settings.command_rate_limit * elapsed
+            if message := jump(controller.settings, applied, controller.command, allowed):
+                self.get_logger().warning(message)
 
     def _mind_rivals(self) -> None:
         """Give way to another who is in command; begin when nobody is."""
@@ -256,28 +258,26 @@ class ControllerNode(LiveNode):
 
     # ---- what it says of itself ----
 
+    @property
+    def _unheard(self) -> bool:
+        """Tell whether it never sent a command, or left off in the middle for another node."""
+        return self._rivals.gave_way or not self._command.count
+
+    @property
+    def _description(self) -> str:
+        return describe(self.controller.mode, self.controller.cause, self._unheard)
+
     def _log_mode(self) -> bool:
         """Log a change of mode or cause that was not logged yet; return whether it was now."""
         mode, cause = self.controller.mode, self.controller.cause
         if (mode, cause) != self._news.now:
-            self.events.tell('mode', describe(mode, cause), LEVELS[cause])
-        message = self._news.of(mode, cause, time.monotonic())
+            self.events.tell('mode', self._description, LEVELS[cause])
+        message = self._news.of(mode, cause, time.monotonic(), self._unheard)
         if message and mode == Mode.OK:
             self.get_logger().info(message)
         elif message:
             self.get_logger().warning(message)
         return bool(message)
-
-    def _tell_if_jumped(self, applied: float, allowed: float) -> None:
-        """Log that a narrowed range was entered at once, which ranks above the rate limit."""
-        controller = self.controller
-        settings = controller.settings
-        outside = not settings.command_min <= applied <= settings.command_max
-        if outside and 0.0 < allowed < abs(controller.command - applied):
-            self.get_logger().warning(
-                f'the command jumps from {applied:g} to {controller.command:g}: the range from '
-                f'{settings.command_min:g} to {settings.command_max:g} is entered at once'
-            )
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         controller = self.controller
@@ -306,7 +306,7 @@ class ControllerNode(LiveNode):
             self.trace.flush()
             self._tell_if_trace_failed()
         self._log_mode()  # the last of many changes
-        level, message = LEVELS[controller.cause], describe(controller.mode, controller.cause)
+        level, message = LEVELS[controller.cause], self._description
         if controller.restarted:
             level, message = WARN, f'{message}; the last sample only restarted the observers'
         return level, message, values
@@ -329,8 +329,11 @@ class ControllerNode(LiveNode):
         if self.lockstep is not None:
             self.lockstep.flush()
         if not self._silent_at_stop and (self.lockstep is None or not self.lockstep.complete):
-            self._tell_if_cut_short()
-            self._command.send_last(self.controller.settings.safe_command)
+            settings = self.controller.settings
+            allowed = settings.command_rate_limit * self.pacing.period
+            if message := cut_short(settings, self.controller.command, allowed):
+                self.get_logger().warning(message)
+            self._command.send_last(settings.safe_command)
         if self.trace is not None:
             self.trace.close()
             self._tell_if_trace_failed()
@@ -348,14 +351,6 @@ class ControllerNode(LiveNode):
         if self.trace is not None and self.trace.failure:
             self.get_logger().error(f'the trace ends: {self.trace.failure}')
             self.trace = None
-
-    def _tell_if_cut_short(self) -> None:
-        safe, last = self.controller.settings.safe_command, self.controller.command
-        allowed = self.controller.settings.command_rate_limit * self.pacing.period
-        if 0.0 < allowed < abs(safe - last):
-            self.get_logger().warning(
-                f'the ramp to the safe command is cut short at {last:g}: {safe:g} is sent at once'
-            )
 
 
 class Axis(ControllerNode):

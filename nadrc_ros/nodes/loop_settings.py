@@ -19,7 +19,8 @@ class LoopSettings:
     enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
     share_command: bool = flag(
         False,
-        'whether to command beside another node; if not, who comes second is disabled',
+        'whether to command beside another node; if not, who hears another before its first '
+        'command, or up to 5 s later and has sent fewer, is disabled',
         live=False,
     )
     estimate_divisor: int = integer(

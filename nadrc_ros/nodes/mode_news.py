@@ -6,6 +6,7 @@ from collections import deque
 from math import inf, isfinite
 
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
 
@@ -55,21 +56,23 @@ class ModeNews:
     """
 
     def __init__(self, mode: Mode, cause: Cause) -> None:
-        self.now = self._told = mode, cause
+        self.now = mode, cause
+        self._told = describe(mode, cause)
         self._unlogged = 0
         self._times: deque[float] = deque([-inf] * COUNT, maxlen=COUNT)
 
-    def of(self, mode: Mode, cause: Cause, time: float) -> str:
+    def of(self, mode: Mode, cause: Cause, time: float, silent: bool = False) -> str:
         """Return what to log at ``time`` [s], nothing unless it is news and may be logged yet."""
         if (mode, cause) != self.now:
             self.now = mode, cause
             self._unlogged += 1
-        if self.now == self._told or time - self._times[0] < SECONDS:
+        text = describe(mode, cause, silent)
+        if text == self._told or time - self._times[0] < SECONDS:
             return ''
         self._times.append(time)
-        self._told, passed_over, self._unlogged = self.now, self._unlogged - 1, 0
-        more = f' (after {passed_over} changes that were not logged)' if passed_over else ''
-        return describe(mode, cause) + more
+        self._told, passed_over, self._unlogged = text, self._unlogged - 1, 0
+        more = f' (after {passed_over} changes that were not logged)' if passed_over > 0 else ''
+        return text + more
 
 
 def concerns(controller: Controller) -> dict[str, str]:
@@ -88,6 +91,32 @@ def concerns(controller: Controller) -> dict[str, str]:
     return found
 
 
-def describe(mode: Mode, cause: Cause) -> str:
-    """Return in words what the command is, and why."""
-    return 'in control' if mode == Mode.OK else f'{ACTIONS[mode]}: {REASONS[cause]}'
+def describe(mode: Mode, cause: Cause, silent: bool = False) -> str:
+    """
+    Return in words what the command is, and why.
+
+    Who is disabled may be ``silent`` without having sent the safe command.
+    """
+    if mode == Mode.OK:
+        return 'in control'
+    action = 'silent' if silent and cause == Cause.DISABLED else ACTIONS[mode]
+    return f'{action}: {REASONS[cause]}'
+
+
+def jump(settings: ControllerSettings, applied: float, command: float, allowed: float) -> str:
+    """Return that a narrowed range was entered at once, which ranks above the rate limit."""
+    outside = not settings.command_min <= applied <= settings.command_max
+    if not (outside and 0.0 < allowed < abs(command - applied)):
+        return ''
+    return (
+        f'the command jumps from {applied:g} to {command:g}: the range from '
+        f'{settings.command_min:g} to {settings.command_max:g} is entered at once'
+    )
+
+
+def cut_short(settings: ControllerSettings, last: float, allowed: float) -> str:
+    """Return that the safe command is sent before the rate limit allows it."""
+    safe = settings.safe_command
+    if not 0.0 < allowed < abs(safe - last):
+        return ''
+    return f'the ramp to the safe command is cut short at {last:g}: {safe:g} is sent at once'

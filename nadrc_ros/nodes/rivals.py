@@ -14,12 +14,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Before the first command it is listened for so long [s], in which most others are discovered.
-LISTEN = 0.3
+# This and the two times below are longer in slow loops, where a rival's commands are rare too.
+LISTEN, LISTEN_PERIODS = 0.3, 1.5
 # Fast DDS may discover another only with its next announcement, which it sends every 3 s. Who
 # started so short ago [s] gives way, unless the other has sent fewer commands than we.
-PROBATION = 5.0
+PROBATION, PROBATION_PERIODS = 5.0, 3.0
 # A command is followed by the next after so many of their intervals, or after so long [s].
-INTERVALS, SHORTEST, LONGEST = 3.0, 0.1, 3.0
+INTERVALS, SHORTEST, LONGEST, LONGEST_PERIODS = 3.0, 0.1, 3.0, 3.0
 # So many of our own commands can be on their way.
 OWN = 64
 HEAR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -41,6 +42,8 @@ class Rivals:
         Of its commands.
     remarks
         Where it is said.
+    period
+        Of the controller [s].
     shared
         Whether others may command too: then nothing is listened to, and nobody gives way.
 
@@ -55,7 +58,9 @@ class Rivals:
 
     """
 
-    def __init__(self, node: Node, sender: Sender, remarks: Remarks, *, shared: bool) -> None:
+    def __init__(
+        self, node: Node, sender: Sender, remarks: Remarks, period: float, *, shared: bool
+    ) -> None:
         self.listening = not shared
         self.gave_way = False
         self.hearing = False
@@ -63,6 +68,9 @@ class Rivals:
         self._sender = sender
         self._remarks = remarks
         self._shared = shared
+        self._listen = max(LISTEN, LISTEN_PERIODS * period)
+        self._probation = max(PROBATION, PROBATION_PERIODS * period)
+        self._longest = max(LONGEST, LONGEST_PERIODS * period)
         self._began = time.monotonic()
         self._input: Input | None = None
         self._own: deque[tuple[int | None, float]] = deque(maxlen=OWN)
@@ -82,7 +90,7 @@ class Rivals:
         ``idle`` tells whether we are disabled and silent.
         """
         age = time.monotonic() - self._began
-        if self._shared or age < LISTEN:
+        if self._shared or age < self._listen:
             return False
         self.listening = False
         self._hear(idle or self._node.count_publishers(self._sender.topic) > 1)
@@ -100,7 +108,7 @@ class Rivals:
     def commanding(self) -> bool:
         """Tell whether somebody else commands."""
         silence = time.monotonic() - self._last
-        return silence < min(LONGEST, max(SHORTEST, INTERVALS * self._interval))
+        return silence < min(self._longest, max(SHORTEST, INTERVALS * self._interval))
 
     def refusal(self) -> str:
         """Return why we cannot take over, empty if we can."""
@@ -115,7 +123,7 @@ class Rivals:
 
     def _meet(self, age: float) -> bool:
         topic = self._sender.topic
-        if age > PROBATION + LISTEN or self._theirs < self._sender.count:
+        if age > self._probation + self._listen or self._theirs < self._sender.count:
             text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
             self._remarks.put('rivals', text, ERROR)
             return False

@@ -152,6 +152,41 @@ def test_one_that_was_killed_is_no_rival_though_the_graph_knows_it_still(
     assert probe.said('again')[-1][0] == OK
 
 
+def test_a_slow_loop_hears_a_rival_that_commands_as_seldom(
+    probe: Probe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, seconds in {'LISTEN': 0.02, 'PROBATION': 0.1, 'LONGEST': 0.1}.items():
+        monkeypatch.setattr(rivals, name, seconds)  # as 0.3 s are for a period of 3 s
+    commands, timer = probe.listen('command'), rival(probe, 0.2)
+    probe.wait_until(lambda: len(commands) > 1)
+    slow = {'rate': 5.0, 'inner_bandwidth': 1.0, 'outer_bandwidth': 1.0}
+    slow |= {'controller_bandwidth': 0.5, 'measurement_timeout': 5.0, 'max_dt': 5.0}
+    node = probe.add(ControllerNode(parameters=CONTROL | slow))
+    probe.wait_until(lambda: not node.controller.enabled)
+    n = len(commands)
+    while len(commands) < n + 4:
+        probe.spin(0.01)
+        assert not node.enable()[0]
+    assert set(commands) == {THEIRS}
+    timer.cancel()
+    probe.wait_until(lambda: node.enable()[0])
+
+
+def test_who_is_disabled_and_never_sent_a_command_is_silent_and_not_at_safe(
+    probe: Probe, capfd: pytest.CaptureFixture[str]
+) -> None:
+    commands = probe.listen('command')
+    probe.add(ControllerNode(parameters=CONTROL | {'enabled_at_start': False}))
+    probe.wait_until(lambda: probe.said() and probe.said()[-1][1].startswith('silent: disabled'))
+    assert probe.enable().success
+    probe.wait_until(lambda: 1.5 in commands)
+    assert probe.enable(False).success
+    at_safe = 'at the safe command: disabled'
+    probe.wait_until(lambda: probe.said()[-1][1].startswith(at_safe))
+    log = capfd.readouterr().err
+    assert log.count('silent: disabled') == 1 and log.count(at_safe) == 1
+
+
 def test_stopped_before_its_first_command_it_sends_none(probe: Probe) -> None:
     commands = probe.listen('command')
     node = ControllerNode(parameters=CONTROL)
