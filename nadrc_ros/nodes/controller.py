@@ -93,7 +93,7 @@ class ControllerNode(LiveNode):
             doubts = Doubts(self.controller, self.pacing.rate, given, self.remarks)
             self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
             rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
-            self.beat: Beat = first.beat if first and by_timer else Beat(self, rate)
+            self.beat: Beat = first.beat if first and by_timer else Beat(self, rate, phase=0.5)
             if not by_timer:
                 self._sample_ticker = SampleTicker(self, self.beat, rate, self._step)
                 self._sample_ticker.notice_within(settings.measurement_timeout)

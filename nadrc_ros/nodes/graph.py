@@ -27,8 +27,6 @@ from nadrc_ros.scenario.parameter_files import controller_parameters, parameter_
 
 NODES = ('plant', 'reference', 'recorder', 'controller')
 STOP_TIME = 3.0
-# Faults of the sensor with which no valid measurement arrives.
-BLINDING = ('silent', 'not_a_number', 'infinite')
 # Periods, at least, without a command before the plant falls to its safe one.
 PATIENCE = 5
 
@@ -160,10 +158,7 @@ class Loop:
     def __init__(self, scenario: Scenario, name: str, directory: Path, lockstep: bool) -> None:
         self.name = name
         self.settings = scenario.controllers[name]
-        self.blind = any(
-            fault.kind in BLINDING and fault.start == 0.0 and fault.probability == 1.0
-            for fault in scenario.faults.measurement
-        )
+        self.blind = scenario.faults.blind
         self.directory = directory
         directory.mkdir(parents=True, exist_ok=True)
         self.parameter_file = directory / 'parameters.yaml'

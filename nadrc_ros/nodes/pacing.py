@@ -16,6 +16,9 @@ from rclpy.node import Node
 
 # Samples that trigger steps are looked after so often [s].
 LONGEST_LOOK = 0.02
+# A timer is brought to its phase so soon after the start [s], to that share of the period, in so
+# many tries at most.
+ALIGNED_AFTER, TOLERABLE, ALIGNMENTS = 0.001, 0.02, 10
 
 
 @attrs.frozen(kw_only=True)
@@ -94,23 +97,49 @@ class Beat:
     A fixed-rate timer that calls its listeners in turn: ROS does not keep up with many timers.
 
     It runs on the steady clock, which no time correction stalls, unless ``use_sim_time`` is set
-    and ``steady`` is not.
+    and ``steady`` is not. There it fires at ``phase``, a share of the period, after multiples of
+    it: plant and reference on one machine send y and r of one instant together, and a controller
+    halfway between has both and answers in time, as in the simulation.
     """
 
-    def __init__(self, node: Node, rate: float, *, steady: bool = False) -> None:
+    def __init__(
+        self, node: Node, rate: float, *, steady: bool = False, phase: float = 0.0
+    ) -> None:
         self._simulated = bool(node.get_parameter('use_sim_time').value) and not steady
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.clock = node.get_clock() if self._simulated else clock
         self.listeners: list[Callable[[], None]] = []
-        self.timer = node.create_timer(1.0 / rate, self._fire, clock=self.clock)
+        self._period = round(1e9 / rate)
+        self._offset = round(phase * self._period)
+        self._alignments = 0 if self._simulated else ALIGNMENTS
+        soon = min(1.0 / rate, ALIGNED_AFTER) if self._alignments else 1.0 / rate
+        self.timer = node.create_timer(soon, self._fire, clock=self.clock)
 
     def now(self) -> int:
         """Return the time on the clock of the timer [ns]."""
         return self.clock.now().nanoseconds if self._simulated else time.monotonic_ns()
 
     def _fire(self) -> None:
+        if self._alignments:
+            self._align()
+            return
         for listen in self.listeners:
             listen()
+
+    def _align(self) -> None:
+        """Bring the timer to its phase, and let it be where that fails time and again."""
+        self._alignments -= 1
+        now = self.now()
+        due = now + (self.timer.time_until_next_call() or 0)
+        off = (due - self._offset) % self._period
+        if not self._alignments or min(off, self._period - off) < TOLERABLE * self._period:
+            self._alignments = 0
+            self.timer.timer_period_ns = self._period
+            return
+        # A timer adds its period to its due time before it calls: the second half ends in phase.
+        half = (self._offset - now) % self._period // 2
+        self.timer.timer_period_ns = half or self._period
+        self.timer.reset()
 
 
 class Ticker:

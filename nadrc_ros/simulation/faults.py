@@ -29,7 +29,7 @@ class Sample(NamedTuple):
     """
     A measurement on its way.
 
-    ``number`` is the period it was taken in, ``stamp`` that by the clock of the sender.
+    ``number`` is the period it was taken in, ``stamp`` that it was sent in, by the sender's clock.
     """
 
     value: float
@@ -93,12 +93,16 @@ def _spoilt(spoil: Spoil) -> Deliver:
     return lambda acting, sample: [sample._replace(value=spoil(acting, sample.value))]
 
 
-def _kept_back(periods: Callable[[Acting[MeasurementFault]], int]) -> Deliver:
-    def keep(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-        acting.late.append((acting.k + periods(acting), sample))
-        return []
+def _delayed(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
+    """Keep a sample back before it is sent and stamped, as a slow sensor does."""
+    periods = first_period(acting.fault.time, acting.rate)
+    acting.late.append((acting.k + periods, sample._replace(stamp=sample.stamp + periods)))
+    return []
 
-    return keep
+
+def _reordered(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
+    acting.late.append((acting.k + OVERTAKEN, sample))
+    return []
 
 
 def _jumped(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
@@ -137,11 +141,13 @@ MEASUREMENT_KINDS: dict[str, Deliver] = {
     'infinite': _spoilt(lambda acting, y: copysign(inf, acting.fault.size)),
     'spike': _spoilt(lambda acting, y: y + copysign(acting.fault.size, acting.uniform() - 0.5)),
     'quantised': _spoilt(_quantised),
-    'delayed': _kept_back(lambda acting: first_period(acting.fault.time, acting.rate)),
+    'delayed': _delayed,
     'duplicated': lambda acting, sample: [sample, sample],
-    'reordered': _kept_back(lambda acting: OVERTAKEN),
+    'reordered': _reordered,
     'clock_jump': _jumped,
 }
+# With these no valid measurement arrives.
+BLINDING = ('silent', 'not_a_number', 'infinite')
 LATE = ('delayed', 'reordered')
 # With these each period has its one sample.
 ONE_EACH = (
@@ -184,7 +190,7 @@ class MeasurementFault(Fault):
     ``silent``: none arrives; ``intermittent``: those that are hit are lost; ``stuck``: the first
     is repeated; ``garbage``: a random number within +-size; ``bias``: size is added; ``slow``: a
     first-order lag of ``time``; ``not_a_number``; ``infinite``; ``spike``: +-size is added;
-    ``quantised`` in steps of size; ``delayed`` by ``time``; ``duplicated``: comes twice;
+    ``quantised`` in steps of size; ``delayed``: sent ``time`` late; ``duplicated``: comes twice;
     ``reordered``: those that are hit come two periods late, after newer ones; ``clock_jump``: the
     clock that stamps them is ``time`` ahead.
     """
@@ -218,6 +224,14 @@ class Faults:
 
     measurement: tuple[MeasurementFault, ...] = ()
     command: tuple[CommandFault, ...] = ()
+
+    @property
+    def blind(self) -> bool:
+        """Tell whether no valid measurement arrives at the start."""
+        return any(
+            fault.kind in BLINDING and fault.start == 0.0 and fault.probability == 1.0
+            for fault in self.measurement
+        )
 
     def delay(self, rate: float) -> float:
         """Return the dead time [s] of every measurement from start to end: whole periods."""

@@ -66,7 +66,7 @@ class Loop:
     def __init__(self, experiment: Experiment, settings: ControllerSettings) -> None:
         self.experiment = experiment
         self.process = experiment.process()
-        self.controller = Controller(settings, checked=True)
+        self.controller = Controller(settings, checked=not experiment.faults.blind)
         self.acc = sums(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
         self.levels = self.controller.design.levels
