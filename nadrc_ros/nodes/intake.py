@@ -38,6 +38,11 @@ class Intake:
     duration
         Of a run [s].
 
+    Attributes
+    ----------
+    clock_jumps
+        How often in the run a publisher's clock turned out to be another one than it was.
+
     """
 
     def __init__(self, node: Node, topics: Mapping[str, str], duration: float) -> None:
@@ -64,6 +69,8 @@ class Intake:
     def restart(self, begin: int) -> None:
         """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
         self.open = True
+        self.clock_jumps = 0
+        self._jumps: list[tuple[int, str]] = []
         self._rows = Rows(list(self.losses), self._duration * SECOND)
         self._begin = begin
         self._looked = self.now()
@@ -104,7 +111,18 @@ class Intake:
             return now
         if source not in self._departures:
             self._departures[source] = Departures(self._offset)
-        return self._departures[source].of(info, now)
+        departures = self._departures[source]
+        before = departures.clock_jumps
+        moment = departures.of(info, now)
+        if departures.clock_jumps > before:
+            self.clock_jumps += 1
+            self._jumps.append((moment, source))
+        return moment
+
+    def jumps(self) -> list[tuple[int, str]]:
+        """Return when whose clock jumped, since that was asked for."""
+        found, self._jumps = self._jumps, []
+        return found
 
     def since_begin(self, moment: float) -> float | None:
         """Return the time of a moment in the run [s], None before its first row."""

@@ -213,8 +213,9 @@ class RecorderNode(LiveNode):
         self._notes.append((moment, note))
 
     def _write_notes(self, until: float) -> None:
-        for gap in self.intake.gaps() if self.intake is not None else ():
-            self._notes.append((gap.time, partial(self._write_gap, gap)))
+        if self.intake is not None:
+            self._notes += [(g.time, partial(self._write_gap, g)) for g in self.intake.gaps()]
+            self._notes += [(t, partial(self._write_jump, s)) for t, s in self.intake.jumps()]
         ready = [each for each in self._notes if each[0] <= until]
         self._notes = [each for each in self._notes if each[0] > until]
         for moment, note in sorted(ready, key=lambda each: each[0]):
@@ -225,7 +226,13 @@ class RecorderNode(LiveNode):
     def _write_gap(self, gap: Gap, t: float | None) -> None:
         cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
         message = f'no {gap.signal} for {gap.length / SECOND:.4g} s: {cause}'
-        event = Event(t, self.get_fully_qualified_name(), 'gap', message)
+        self._write_own(t, 'gap', message)
+
+    def _write_jump(self, source: str, t: float | None) -> None:
+        self._write_own(t, 'clock_jump', f'the clock that stamps {source} jumped')
+
+    def _write_own(self, t: float | None, kind: str, message: str) -> None:
+        event = Event(t, self.get_fully_qualified_name(), kind, message)
         append_event(self.folder.path, event)
 
     # ---- rows ----
@@ -327,6 +334,7 @@ class RecorderNode(LiveNode):
             'samples_lost': 'unknown' if lost is None else lost,
             'measured_rate': self.figures.rate,
             'gap_time': gap_time,
+            'clock_jumps': 0 if self.intake is None else self.intake.clock_jumps,
             'waiting_for': ' '.join(unheard),
             'folder': self.folder.path,
         }

@@ -108,6 +108,26 @@ def test_without_publication_numbers_losses_are_unknown(
     assert feed.recorder._summary()['samples_lost_by_signal'] is None
 
 
+def test_a_jump_of_a_publishers_clock_is_told(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    feed.samples(5)
+    assert feed.recorder._report()[2]['clock_jumps'] == 0
+    stamp = feed.recorder.get_clock().now().nanoseconds - 3600 * 10**9
+    number = feed.intake.losses['output'].newest + 1
+    info = {'source_timestamp': stamp, 'received_timestamp': stamp}
+    feed.intake._taker('output')(0.5, {**info, 'publication_sequence_number': number})
+    assert feed.recorder._report()[2]['clock_jumps'] == 1
+    folder = feed.recorder.folder.path
+    assert feed.summary()['rows'] == 5
+    (event,) = read_history(folder).events
+    assert event.kind == 'clock_jump'
+    assert event.message == 'the clock that stamps output jumped'
+    assert 0.0 < (event.time or 0.0) < 1.0
+    assert feed.recorder._report()[2]['clock_jumps'] == 0
+
+
 def test_reset_opens_a_new_run_and_touches_no_old_one(
     make_probe: Callable[..., Probe], tmp_path: Path
 ) -> None:
