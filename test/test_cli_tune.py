@@ -65,6 +65,17 @@ def result(folder: Path) -> dict[str, Any]:
     return found
 
 
+def test_without_optuna_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [n for n in sys.modules if n.startswith('nadrc_ros.tuning.search.s')]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, 'optuna', None)
+    done = nadrc('motor_speed', '--out', tmp_path)
+    assert done.exit_code == 1
+    assert "-m pip install 'optuna>=5,<6' cmaes pymoo" in done.output
+
+
 def test_the_files_hold_what_was_found(file: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     done = nadrc(file, *SMALL, '--out', out)

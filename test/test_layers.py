@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'nadrc_ros'
 LIMIT = 400
-KEPT = {'adrc', 'simulation', 'scenario', 'records', 'writing', 'yaml_text'}
+KEPT = {'adrc', 'simulation', 'scenario', 'records', 'extras', 'writing', 'yaml_text'}
 # Layer -> the layers of this package that it may import.
 ARROWS = {
     'adrc': {'adrc'},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ast import literal_eval
 from importlib import import_module
 from pathlib import Path
 import re
@@ -9,6 +10,7 @@ from shutil import copy2
 from subprocess import run
 from xml.etree import ElementTree
 
+from nadrc_ros.extras import EXTRAS
 import pytest
 from setuptools import find_packages
 
@@ -21,6 +23,14 @@ def test_every_folder_of_modules_is_installed() -> None:
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / 'nadrc_ros').rglob('*.py')}
     installed = find_packages(str(ROOT), include=['nadrc_ros', 'nadrc_ros.*'])
     assert {'.'.join(folder.parts) for folder in folders} == set(installed)
+
+
+def test_what_a_command_says_to_install_is_what_setup_says() -> None:
+    for extra, packages in EXTRAS.items():
+        said = re.search(rf"'{extra}': (.*),\n", SETUP)
+        assert said is not None
+        listed = re.search(rf'^{said[1]} = (.*)$', SETUP, re.MULTILINE)
+        assert literal_eval(listed[1] if listed else said[1]) == list(packages)
 
 
 def test_there_is_one_version() -> None:

@@ -76,9 +76,10 @@ def report(
         try:
             from nadrc_ros.report.page import page
         except ImportError as error:
-            from nadrc_ros.adrc.errors import UserError
+            from nadrc_ros.extras import MissingPackage
 
-            raise UserError(f'{error}: pip install plotly, or use --static') from None
+            without = '--static needs nothing'
+            raise MissingPackage('the page', error.name or 'plotly', 'report', without) from None
         from nadrc_ros.writing import write_whole
 
         path = out or _beside(runs)

@@ -107,9 +107,9 @@ def tune(
         try:
             from nadrc_ros.tuning.search.study import open_storage
         except ImportError as error:
-            from nadrc_ros.adrc.errors import UserError
+            from nadrc_ros.extras import MissingPackage
 
-            raise UserError(f'tune needs {error.name}: pip install "nadrc_ros[tune]"') from None
+            raise MissingPackage('tune', error.name, 'tune') from None
         where = storage or str(folder / 'study.log')
         studies = _studies(scenario, names, tuning, open_storage(where), worker)
     with reporting(after_interrupt=f'the study in {where} is kept; the same command goes on'):

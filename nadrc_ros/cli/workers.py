@@ -11,6 +11,7 @@ import signal
 from threading import Thread
 
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.extras import MissingPackage
 
 CONNECT_TIMEOUT = 10.0
 
@@ -56,7 +57,7 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client, KilledWorker
     except ImportError:
-        raise UserError('--dask needs dask: pip install "nadrc_ros[sweep]"') from None
+        raise MissingPackage('--dask', 'dask', 'sweep') from None
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -89,7 +89,7 @@ def _run(node: str) -> int:
     except ImportError as error:
         print(
             f'the {node} needs ROS 2 Jazzy, which is not here ({error}): source its setup.bash, '
-            "or get it with pip install 'nadrc_ros[wheels]' (Linux on x86-64)",
+            'or let `make demo` in the source tree install it in .venv (Linux on x86-64)',
             file=sys.stderr,
         )
         return 1

@@ -158,8 +158,8 @@ class RecorderNode(LiveNode):
         if self.recording:
             self._guarded(self._finish)
 
-    def _finish(self) -> None:
-        """Write what is left, and the summary."""
+    def _finish(self, length: float | None = None) -> None:
+        """Write what is left and the summary, and say how long the run is [s]."""
         self.recording = False
         if self.intake is not None:
             self.intake.open = False
@@ -169,6 +169,14 @@ class RecorderNode(LiveNode):
         )
         self.folder.close()
         self.folder.write_summary(self._summary())
+        if not self.figures.rows:
+            unheard = [] if self.intake is None else self.intake.unheard()
+            why = f': nothing came of {", ".join(unheard)}' if unheard else ''
+            self.get_logger().warning(f'no row was recorded{why}')
+            return
+        if length is None:
+            length = self.figures.stop or self.figures.last
+        self.get_logger().info(f'{length:.4g} s are recorded')
 
     def _about(self) -> dict[str, Any]:
         started = datetime.fromtimestamp(self._begin, timezone.utc)
@@ -286,8 +294,7 @@ class RecorderNode(LiveNode):
 
     def _complete(self) -> None:
         """End a run that is as long as was asked for."""
-        self._finish()
-        self.get_logger().info(f'{self.settings.duration:g} s are recorded')
+        self._finish(self.settings.duration)
 
     def _guarded(self, work: Callable[..., None], *arguments: Any) -> None:
         """Stop, with a reason, when the disk is full."""

@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from nadrc_ros.adrc.errors import did_you_mean
+from nadrc_ros.extras import MissingPackage
 from nadrc_ros.records.recording import RecordingError, topic_of
 from nadrc_ros.records.source import Array, REQUIRED, rows_of, SIGNALS, Source
 import numpy as np
@@ -88,9 +89,7 @@ def _reader(path: Path) -> tuple[Any, tuple[type[Exception], ...]]:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import get_typestore, Stores
     except ImportError:
-        raise RecordingError(
-            'reading a bag takes the Python package rosbags: pip install rosbags'
-        ) from None
+        raise MissingPackage('reading a bag', 'rosbags', 'bags') from None
     broken = (
         *(AnyReaderError, sqlite3.Error, ValueError, KeyError, IndexError, AssertionError),
         *(each.ZstdError for each in _zstd()),
@@ -119,7 +118,7 @@ def _plain(path: Path) -> Iterator[Path]:
                 raise RecordingError(f'not a bag that can be read: {_one_line(error)}') from None
             yield plain
         return
-    raise RecordingError('reading .zstd takes the Python package backports.zstd: pip install it')
+    raise MissingPackage('reading .zstd', 'backports.zstd', 'backports.zstd')
 
 
 def _zstd() -> list[Any]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.extras import MissingPackage
 from nadrc_ros.scenario.sweep import cell, Extent, Sweep
 from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.writing import write_whole
@@ -46,9 +47,7 @@ class RunTable:
         self._rows = path if path.suffix == '.csv' else path.with_name(path.name + '.csv')
         self._file: io.BufferedRandom | None = None
         if path != self._rows and find_spec('pyarrow') is None:
-            raise UserError(
-                f'{path}: needs pyarrow (pip install "nadrc_ros[sweep]"), .csv does not'
-            )
+            raise MissingPackage(str(path), 'pyarrow', 'sweep', '.csv needs nothing')
         self._claim(sweep.describe(extent.files))
         if path != self._rows and path.exists():
             self._rows.unlink(missing_ok=True)

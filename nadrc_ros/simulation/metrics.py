@@ -12,6 +12,7 @@ A sample that is not finite, or would make a sum overflow, is left out of everyt
 from __future__ import annotations
 
 from math import isfinite, isnan, nan, sqrt
+from typing import Any
 
 import attrs
 from nadrc_ros.simulation.vector import MutableVector, Vector
@@ -32,11 +33,17 @@ SKIPPED = 12
 LAST_COMMAND = 13
 SETTLED = 14
 SIZE = 15
+# Figures that nothing has, too.
+COUNTS = ('samples', 'skipped', 'duration')
 
 
 def _known(value: float | None) -> float:
     """Return a figure that a document has, nan for null."""
     return nan if value is None else value
+
+
+def _figure() -> Any:
+    return attrs.field(converter=_known, eq=repr)  # nan is not equal to itself
 
 
 @attrs.frozen(kw_only=True)
@@ -77,26 +84,28 @@ class MetricValues:
 
     """
 
-    itae: float
-    isu: float
-    iae: float
-    ise: float
-    itse: float
-    rmse: float
-    max_error: float
-    peak_error: float = attrs.field(converter=_known, eq=repr)  # nan is not equal to itself
-    max_command: float
-    total_variation: float
-    saturated_fraction: float
+    itae: float = _figure()
+    isu: float = _figure()
+    iae: float = _figure()
+    ise: float = _figure()
+    itse: float = _figure()
+    rmse: float = _figure()
+    max_error: float = _figure()
+    peak_error: float = _figure()
+    max_command: float = _figure()
+    total_variation: float = _figure()
+    saturated_fraction: float = _figure()
     samples: int
     skipped: int
     duration: float
 
     def as_dict(self) -> dict[str, float | None]:
         """Return the figures by name, in order; None for one that there is not."""
+        found = attrs.asdict(self)
         return {
-            name: None if isinstance(value, float) and isnan(value) else value
-            for name, value in attrs.asdict(self).items()
+            # sums of nothing are 0, which is the best that a figure can be
+            name: None if isnan(value) or not (self.samples or name in COUNTS) else value
+            for name, value in found.items()
         }
 
 

@@ -257,6 +257,19 @@ def test_interrupted_it_leaves_a_summary(probe: Probe, start: Processes) -> None
     assert summary['rows'] == len(read_samples(folder)['time'])
     assert summary['metrics']['samples'] + summary['metrics']['skipped'] == summary['rows']
     assert not list(folder.glob('*.part'))
+    assert f'{summary["stop"]:.4g} s are recorded' in recorder.said
+
+
+def test_a_run_without_a_row_has_no_figures_and_is_told(probe: Probe, start: Processes) -> None:
+    directory = start.directory / 'runs'
+    recorder = start('recorder', directory=str(directory))
+    (folder,) = probe.wait_until(lambda: list(directory.glob('*/')))
+    probe.wait_until(lambda: 'recording to' in recorder.said)
+    recorder.signal(signal.SIGINT)
+    assert recorder.end() == 0
+    found = json.loads((folder / SUMMARY).read_text())
+    assert found['rows'] == 0 and found['metrics']['itae'] is None is found['metrics']['rmse']
+    assert 'no row was recorded: nothing came of reference, measurement, command' in recorder.said
 
 
 def test_a_full_disk_is_reported_and_ends_only_the_recorder(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 import warnings
 
-from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.extras import MissingPackage
 from nadrc_ros.tuning.search.settings import TuneSettings
 import numpy as np
 import optuna
@@ -44,9 +44,7 @@ def make_sampler(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]
         try:
             return makers[tuning.method]()
         except ImportError as error:
-            raise UserError(
-                f'--sampler {tuning.method} needs {error.name}: pip install "nadrc_ros[tune]"'
-            ) from None
+            raise MissingPackage(f'--sampler {tuning.method}', error.name, 'tune') from None
 
 
 def _nsga2(tuning: TuneSettings, seed: int) -> BaseSampler:
