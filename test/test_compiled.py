@@ -39,6 +39,13 @@ CASES = varied_settings() | {
     'no derivatives': {'reference_derivatives': 'none'},
     'differentiator': {'reference_derivatives': 'differentiator', 'tracking_acceleration': 3.0},
     'saturated': {'command_min': -0.2, 'command_max': 0.3},
+    'stalled': {
+        'command_min': -0.2,
+        'command_max': 0.3,
+        'stall_time': 0.3,
+        'stall_action': 'fault',
+    },
+    'idle at safe': {'command_min': 0.0, 'stall_time': 0.3, 'stall_action': 'fault'},
     'order 5': {'plant_order': 5, 'levels': 3, 'command_min': -1e9, 'command_max': 1e9},
 }
 
