@@ -270,6 +270,18 @@ def test_missed_periods_are_in_the_figures() -> None:
     assert found.rate == pytest.approx(200.0, rel=0.01)
 
 
+@pytest.mark.parametrize('early', [-1e-4, 0.0, 1e-4])
+def test_the_peak_counts_the_row_of_the_settle_time_though_it_comes_a_little_early(
+    early: float,
+) -> None:
+    """Of a falling error the demo's peak was 3 % less than that of the simulation."""
+    rows = [
+        Row(0.01 * k - early, {'reference': 1.0 - 0.05 * k, 'measurement': 0.0, 'command': 0.0})
+        for k in range(15)
+    ]
+    assert figures_of(rows).values().peak_error == pytest.approx(0.5)
+
+
 def test_a_rate_makes_every_row_a_period_as_in_the_simulation() -> None:
     found, same = Figures(RunSettings(rate=300.0)), Metrics(float('inf'))
     for k in range(100):

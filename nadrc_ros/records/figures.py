@@ -96,6 +96,9 @@ class Figures:
         """Add the row of time ``t`` [s]."""
         self.rows += 1
         self.last = t
+        if self.settings.settle_time and not self.settings.rate:
+            # the row of that instant counts, a little early or late
+            self._metrics.settle_from(self.settings.settle_time - 0.5 * self._spacing.usual)
         if self.settings.rate:
             self._count(t, 1.0 / self.settings.rate, values)
             return

@@ -210,6 +210,10 @@ class Metrics:
     def __init__(self, settle_time: float) -> None:
         self._acc = sums(settle_time)
 
+    def settle_from(self, settle_time: float) -> None:
+        """Let ``peak_error`` count from another time on [s]."""
+        self._acc[SETTLED] = settle_time
+
     def add(
         self, t: float, h: float, error: float, command: float, saturated: bool = False
     ) -> None:
