@@ -5,18 +5,8 @@ from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.options import (
-    Command,
-    From,
-    Measurement,
-    Namespace,
-    Reference,
-    source,
-    Time,
-    TimeUnit,
-    To,
-)
 from nadrc_ros.cli.progress import working
 import typer
 
@@ -55,14 +45,14 @@ def identify(
         Optional[Path], typer.Option(help='Write a scenario with the identified plant there.')
     ] = None,
     json: Annotated[Optional[Path], typer.Option(help='Write all figures there.')] = None,
-    measurement: Measurement = '',
-    command: Command = '',
-    reference: Reference = '',
-    namespace: Namespace = '',
-    time: Time = '',
-    time_unit: TimeUnit = '',
-    begin: From = None,
-    end: To = None,
+    measurement: options.Measurement = '',
+    command: options.Command = '',
+    reference: options.Reference = '',
+    namespace: options.Namespace = '',
+    time: options.Time = '',
+    time_unit: options.TimeUnit = '',
+    begin: options.From = None,
+    end: options.To = None,
     wrap: Annotated[
         Optional[float],
         typer.Option(min=0.0, help='Period of a wrapped angle, to unwrap it; 0 = it is none.'),
@@ -103,7 +93,7 @@ def identify(
         from nadrc_ros.writing import write_json, write_whole
 
         with working(f'reading {run}'):
-            recorded = read_run(run, source(namespace, time, time_unit, **signals))
+            recorded = read_run(run, options.source(namespace, time, time_unit, **signals))
         if recorded.told:
             complain(f'{run}: {recorded.told}')
         recorded = _unwrapped(window(recorded, begin, end), wrap)

@@ -4,18 +4,8 @@
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
+from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.options import (
-    Command,
-    From,
-    Measurement,
-    Namespace,
-    Reference,
-    source,
-    Time,
-    TimeUnit,
-    To,
-)
 from nadrc_ros.cli.pictures import check_format
 from nadrc_ros.cli.progress import working
 import typer
@@ -36,18 +26,18 @@ def report(
         Optional[Path],
         typer.Option(help='Draw a picture there (png, svg, pdf), and no page without --out.'),
     ] = None,
-    measurement: Measurement = '',
-    command: Command = '',
-    reference: Reference = '',
+    measurement: options.Measurement = '',
+    command: options.Command = '',
+    reference: options.Reference = '',
     topic: Annotated[
         Optional[list[str]],
         typer.Option(help='Topic or column of another signal: output=/true; repeatable.'),
     ] = None,
-    namespace: Namespace = '',
-    time: Time = '',
-    time_unit: TimeUnit = '',
-    begin: From = None,
-    end: To = None,
+    namespace: options.Namespace = '',
+    time: options.Time = '',
+    time_unit: options.TimeUnit = '',
+    begin: options.From = None,
+    end: options.To = None,
 ) -> None:
     """
     Make a page of one run, or of several to compare them.
@@ -64,7 +54,7 @@ def report(
         named = {'measurement': measurement, 'command': command, 'reference': reference}
         signals = _topics(topic or []) | {name: v for name, v in named.items() if v}
         with working('reading'):
-            where = source(namespace, time, time_unit, **signals)
+            where = options.source(namespace, time, time_unit, **signals)
             subjects = read_subjects(runs, where, begin, end)
         for subject in subjects.values():
             if subject.run.told:
