@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nadrc_ros.records.figures import Figures, RunSettings
 from nadrc_ros.records.rows import Row, Rows
+from nadrc_ros.records.source import rows_of as columns_of
 from nadrc_ros.simulation.metrics import Metrics
 import numpy as np
 import pytest
@@ -170,6 +171,36 @@ def test_what_comes_after_its_rows_were_made_is_counted() -> None:
     rows.close(START + 400 * MS)
     rows.take('measurement', START + 300 * MS, 1.0)
     assert rows.late == 1
+
+
+@pytest.mark.parametrize('truth', [1.0, 0.25, 5.0])
+@pytest.mark.parametrize('seed', range(3))
+def test_columns_of_a_whole_log_are_the_rows_of_the_recorder(seed: int, truth: float) -> None:
+    """But for rows of the truth alone, as there are where measurements are missing."""
+    rng, sent = random.Random(seed), loop(range(0, 1500, 5), value=lambda t: cos(0.01 * t))
+    samples = [s for s in sent if s[0] == 'measurement' or rng.random() > 0.05]
+    samples = [s for s in samples if s[0] != 'output']
+    samples += [
+        ('output', START + round(5 * truth * k * MS) + MS // 20, float(k))
+        for k in range(round(300 / truth))
+    ]
+    samples = in_order((n, t + rng.randint(0, MS // 4), v) for n, t, v in samples)
+    rows = rows_of(samples)
+    measured = [row for row in rows if not isnan(row.values['measurement'])]
+    of = {name: [s for s in samples if s[0] == name] for name in NAMES}
+    columns, stop = columns_of(
+        {name: np.array([1e-9 * (t - START) for _, t, _ in each]) for name, each in of.items()},
+        {name: np.array([v for _, _, v in each]) for name, each in of.items()},
+    )
+    assert len(measured) == len(columns['time'])
+    assert columns['time'] == pytest.approx(np.array([row.time for row in measured]), abs=1e-6)
+    begin = of['measurement'][0][1]
+    assert stop == pytest.approx(1e-9 * (samples[-1][1] - begin))
+    settled = slice(30, -1)  # the recorder learns what is usual on the way
+    for name in NAMES:
+        expected = np.array([row.values[name] for row in measured])
+        same = np.isclose(columns[name], expected, atol=1e-6, equal_nan=True)[settled]
+        assert same.all(), name
 
 
 # ---- the end ----------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import re
 import attrs
 from nadrc_ros.adrc.settings import MAX_LEVELS
 from nadrc_ros.records.recording import ESTIMATES, NEEDED, RecordingError, TRUTH
-from nadrc_ros.records.rows import SLOWER
+from nadrc_ros.records.rows import OVERDUE, SLOWER
 from nadrc_ros.records.spacing import GAP
 import numpy as np
 import numpy.typing as npt
@@ -109,7 +109,8 @@ def rows_of(
 
     A row belongs to one measurement and holds the last value of every other signal that came
     before the next measurement: zero-order hold, and for the command the one that acted meanwhile.
-    The reference is that at the measurement, as the recorder has it: see :func:`_reference`.
+    Reference and output are those at the measurement. The rules are those of
+    :class:`~nadrc_ros.records.rows.Rows`, for whole columns at once: a log may have millions.
     The first row is the first measurement with a command, at ``time`` 0.
 
     Parameters
@@ -127,9 +128,23 @@ def rows_of(
         columns[name] = np.where(index >= 0, values[name][np.maximum(index, 0)], np.nan)
     if 'reference' in stamps:
         columns['reference'] = _reference(grid, stamps['reference'], values['reference'])
+    if 'output' in stamps:
+        columns['output'] = _output(grid, stamps['output'], values['output'])
     columns['measurement'] = values['measurement']
     stop = max(float(times[-1]) for times in stamps.values()) - float(grid[first])
     return {name: column[first:] for name, column in columns.items()}, stop
+
+
+def _output(grid: Array, stamps: Array, values: Array) -> Array:
+    """Return the first output after each time of ``grid``, or the last just before it, or nan."""
+    spans = np.append(np.diff(grid), np.inf)
+    usual = float(np.median(spans[:-1])) if len(grid) > 1 else np.inf
+    after = np.searchsorted(stamps, grid, 'left')
+    ahead = np.append(stamps, np.inf)[after] - grid
+    behind = grid - np.append(-np.inf, stamps)[after]
+    found = np.append(values, np.nan)[after]
+    just = np.where(behind < 0.5 * usual, np.append(np.nan, values)[after], np.nan)
+    return np.where(ahead < np.minimum(OVERDUE * usual, spans), found, just)
 
 
 def _reference(grid: Array, stamps: Array, values: Array) -> Array:
