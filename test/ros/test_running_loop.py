@@ -245,7 +245,7 @@ def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
         ({'plant': {'plant': Tank, 'leek': 1.0}}, 'leek = 1.0: .*: leak, perhaps'),
         ({'plant': {'plant': 'tank'}}, "'tank'"),
         ({'plant': Tank()}, 'plant = .*: must be a class'),
-        ({'rate': 0.1}, 'rate = 0.1'),
+        ({'rate': 1e-4, 'duration': 1e5}, 'rate = 0.0001'),
         ({'controller': {'rate': 50.0}}, 'controller.rate = 50.0: must be left out: rate, dur'),
         ({'duration': 0.0}, 'duration = 0.0'),
         ({'duration': math.inf}, 'duration = inf'),
