@@ -104,7 +104,7 @@ class Requirements:
 
     @property
     def lowest_command(self) -> float:
-        """The other end of the range of the command [command unit]."""
+        """Return the other end of the range of the command [command unit]."""
         return 0.0 if self.one_sided else -self.command_limit
 
     @property
