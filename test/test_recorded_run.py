@@ -14,7 +14,7 @@ from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recorded_run import read_run
 from nadrc_ros.records.recording import RunFolder, summarise
 from nadrc_ros.records.source import Source
-from nadrc_ros.report.subject import make_subject
+from nadrc_ros.report.subject import make_subject, read_subjects
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode
@@ -49,7 +49,8 @@ def test_a_row_of_a_bag_is_a_measurement_and_the_command_that_acted_until_the_ne
         assert run.columns['measurement'].tolist() == [2.0, 3.0, 4.0, 5.0]
         assert run.columns['command'].tolist() == [-2.0, -3.0, -4.0, -5.0]
         assert run.columns['level_2'].tolist() == [4.0, 5.0, 5.0, 5.0]
-        assert run.columns['output'].tolist() == [2.5] * 4
+        assert run.columns['output'][0] == 2.5  # and that of no other row
+        assert np.isnan(run.columns['output'][1:]).all()
         np.testing.assert_array_equal(run.columns['reference'], [nan, nan, 7.0, 7.0])
         assert run.summary == {} and 'level_1' not in run.columns
 
@@ -137,6 +138,23 @@ def test_a_bag_with_a_gap_has_the_figures_of_its_times(tmp_path: Path) -> None:
     subject = make_subject(read_run(write_bag(tmp_path / 'bag', loop)), History())
     assert subject.metrics.iae == pytest.approx(4.0)
     assert subject.gap_time == pytest.approx(1.0)
+
+
+def test_a_bag_whose_measurements_end_before_its_commands_has_a_gap_up_to_the_end(
+    tmp_path: Path,
+) -> None:
+    loop = {'/measurement': [(1.0 + t, 0.0) for t in np.arange(0, 3, H)], '/reference': [(0.9, 1)]}
+    loop['/command'] = [(1.0 + t, 0.0) for t in np.arange(0, 5, H)]
+    bag = write_bag(tmp_path / 'bag', loop)
+    run = read_run(bag)
+    assert run.stop == pytest.approx(5.0 - H)
+    subject = make_subject(run, History())
+    assert subject.metrics.iae == pytest.approx(3.0)
+    assert subject.gap_time == pytest.approx(2.0 - H)
+    assert subject.gaps == round(2.0 / H) - 1
+    (part,) = read_subjects([bag], begin=1.0, end=4.0).values()
+    assert part.gap_time == pytest.approx(1.0)
+    assert part.metrics.iae == pytest.approx(2.0)
 
 
 def test_the_loop_is_found_in_its_only_namespace_and_asked_for_among_several(
