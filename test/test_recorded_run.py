@@ -143,7 +143,10 @@ def test_a_bag_with_a_gap_has_the_figures_of_its_times(tmp_path: Path) -> None:
 def test_a_bag_whose_measurements_end_before_its_commands_has_a_gap_up_to_the_end(
     tmp_path: Path,
 ) -> None:
-    loop = {'/measurement': [(1.0 + t, 0.0) for t in np.arange(0, 3, H)], '/reference': [(0.9, 1)]}
+    loop: dict[str, list[tuple[float, float]]] = {
+        '/measurement': [(1.0 + t, 0.0) for t in np.arange(0, 3, H)],
+        '/reference': [(0.9, 1.0)],
+    }
     loop['/command'] = [(1.0 + t, 0.0) for t in np.arange(0, 5, H)]
     bag = write_bag(tmp_path / 'bag', loop)
     run = read_run(bag)
