@@ -181,6 +181,7 @@ class Controller:
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
         self.refused_reference = nan
+        self.refused_measurement: float | None = None
         self._ages = [0.0] * len(self.reference)
         self._next = blank_state(self.design)
         self._pending: tuple[ControllerSettings, Design] | None = None
@@ -244,6 +245,8 @@ class Controller:
         self.status = _STATUSES[status]
         self.counts[self.status] += 1
         span = elapsed
+        if dt > 0.0:  # a sample came
+            self.refused_measurement = measurement if status == NO_MEASUREMENT else None
         if status < NO_MEASUREMENT:
             self._restarted = status == RESTARTED
             span = min(gap + dt, elapsed)

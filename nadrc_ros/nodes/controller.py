@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import nan
-from pathlib import Path
 import sys
 import time
 from typing import Any
@@ -22,7 +21,7 @@ from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_news import cut_short, describe, jump, LEVELS, ModeNews
 from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
-from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown, written_to
 from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
@@ -104,7 +103,7 @@ class ControllerNode(LiveNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
         shared = loop.share_command or self.pacing.lockstep
-        self._rivals = Rivals(self, self._command, self.remarks, self.pacing.period, shared=shared)
+        self._rivals = Rivals(self, self._command, shared=shared)
         self._estimates = Estimates(
             self._sender, self.controller.design.levels, always=self.lockstep is not None
         )
@@ -115,7 +114,8 @@ class ControllerNode(LiveNode):
         axes = {axis_namespace(name, self.arguments) for name in axes_asked(self.arguments)}
         refuse_unknown(self, axes - {self.get_namespace()})
         # Last, as a node that fails to start should leave no file behind.
-        self.trace = TraceWriter(Path(loop.trace), settings, checked) if loop.trace else None
+        with written_to('trace', loop.trace, 'a new file in a folder to write to') as path:
+            self.trace = TraceWriter(path, settings, checked) if loop.trace else None
         self._set_enabled(loop.enabled_at_start)
         self.diagnostics = Diagnostics(self, self._report)
 

@@ -23,7 +23,7 @@ PERIODS = 1.25
 # so many times the largest step between two samples, of which a look leaves this share.
 STUCK, TIME_CONSTANTS, GROWTH, CLEARLY, KEPT = 3.0, 12.0, 0.2, 4.0, 0.9
 DEFAULTS = ControllerSettings()
-CONCERNS = ('stall', 'reference')
+CONCERNS = ('stall', 'measurement', 'reference')
 PLANT = ('b0', 'command_min', 'command_max')
 
 

@@ -13,7 +13,7 @@ from nadrc_ros.nodes.diagnostics import OK, WARN
 from nadrc_ros.nodes.remarks import Remarks
 from nadrc_ros.nodes.topics import FLOAT64, Input
 from rclpy.node import Node
-from rclpy.qos import qos_check_compatible, QoSCompatibility
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 # An input without samples for so long [s], or for so many periods, is looked into; also for so
@@ -132,13 +132,11 @@ class InputWatch:
         types = sorted({info.topic_type for info in publishers})
         if FLOAT64 not in types:
             return f'{names} publishes it as {", ".join(types)}, and {FLOAT64} is needed', WARN
-        for info in publishers:
-            fits, reason = qos_check_compatible(info.qos_profile, each.qos)
-            if fits == QoSCompatibility.ERROR:
-                remedy = (
-                    f'start with qos_overrides.{each.topic}.subscription.reliability = best_effort'
-                )
-                return f'{names} publishes it, but {reason.strip(" ;")}: {remedy}', WARN
+        unheard = [info for info in publishers if not _fits(info.qos_profile, each.qos)]
+        if unheard:
+            names = ', '.join(sorted({publisher_name(info) for info in unheard}))
+            remedy = f'-p qos_overrides.{each.topic}.subscription.reliability:=best_effort'
+            return f'{names} publishes it as best effort, heard only with {remedy}', WARN
         return f'{names} publishes it, and sends nothing', each.silence
 
     def _like(self, each: Input, silence: _Silence) -> str:
@@ -196,6 +194,12 @@ class InputWatch:
 def publisher_name(info: TopicEndpointInfo) -> str:
     """Return the full name of the node that has an endpoint."""
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def _fits(sent: QoSProfile, heard: QoSProfile) -> bool:
+    """Tell whether a reader of ours hears a writer: it can ask for nothing else."""
+    best_effort = sent.reliability == ReliabilityPolicy.BEST_EFFORT
+    return not best_effort or heard.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
 def _line(why: str, topics: Sequence[str]) -> str:

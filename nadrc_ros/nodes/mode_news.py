@@ -83,6 +83,11 @@ def concerns(controller: Controller) -> dict[str, str]:
             f'at a limit of the command for {controller.limited_for:.3g} s, and the output comes '
             'no nearer to the reference'
         )
+    if controller.refused_measurement is not None:
+        found['measurement'] = (
+            f'the measurement {controller.refused_measurement:g} is not taken: it is outside '
+            f'{settings.measurement_min:g} .. {settings.measurement_max:g}'
+        )
     if isfinite(controller.refused_reference):
         found['reference'] = (
             f'the reference {controller.refused_reference:g} is not taken: it is outside '

@@ -119,7 +119,10 @@ def _node_keys(file: str) -> list[str]:
     from nadrc_ros.yaml_text import read_yaml
 
     try:
-        return list(_keys(read_yaml(Path(file).read_text(encoding='utf-8'))))
+        tree = read_yaml(Path(file).read_text(encoding='utf-8'))
+        if tree is None or tree == {}:
+            raise UserError('there are no parameters in it, it is empty')
+        return list(_keys(tree))
     except OSError as error:
         raise UserError(f'{file}: cannot be read: {error.strerror}') from None
     except UnicodeDecodeError as error:
@@ -129,8 +132,6 @@ def _node_keys(file: str) -> list[str]:
 
 
 def _keys(tree: Any, namespace: str = '') -> Iterator[str]:
-    if tree is None and not namespace:
-        return
     if not isinstance(tree, dict):
         where = namespace or 'the file'
         raise UserError(f'{where} has a value that is not below the key {VALUES} of a node')

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from nadrc_ros.adrc.errors import SettingError, UserError
@@ -122,6 +124,24 @@ def name_odd_type(
             result.reason = f'{p.name}: {result.reason}'
             break
     return result
+
+
+@contextmanager
+def written_to(name: str, path: str, allowed: str) -> Iterator[Path]:
+    """
+    Give the path that a parameter names, ``~`` expanded, to make something there.
+
+    Raises
+    ------
+    SettingError
+        When that cannot be: names the parameter, and the reason.
+
+    """
+    try:
+        yield Path(path).expanduser()
+    except (OSError, RuntimeError) as error:  # the latter of a home that nobody has
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise SettingError(name, path, f'{allowed} ({reason})') from None
 
 
 def refuse_unknown_types(node: Node) -> None:

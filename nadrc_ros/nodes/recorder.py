@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from functools import partial
 from math import inf
-from pathlib import Path
 import sys
 import time
 from typing import Any
@@ -21,7 +20,7 @@ from nadrc_ros.nodes.events import receive_events
 from nadrc_ros.nodes.intake import Intake
 from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.parameter_watch import ParameterWatch
-from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown, written_to
 from nadrc_ros.nodes.runtime import LiveNode, run
 from nadrc_ros.nodes.topics import Info, Sender
 from nadrc_ros.nodes.versions import versions
@@ -138,12 +137,13 @@ class RecorderNode(LiveNode):
     # ---- the run ----
 
     def _open_run(self) -> None:
-        directory = Path(self.settings.directory).expanduser()
-        self.folder = RunFolder(directory, self._columns, self._run)
-        self._begin = int(time.time())
-        write_about(self.folder.path, self._about())
-        for node, values in self._watch.known.items():
-            append_parameters(self.folder.path, None, node, values)
+        allowed = 'a folder, or where one can be made, to write to'
+        with written_to('directory', self.settings.directory, allowed) as directory:
+            self.folder = RunFolder(directory, self._columns, self._run)
+            self._begin = int(time.time())
+            write_about(self.folder.path, self._about())
+            for node, values in self._watch.known.items():
+                append_parameters(self.folder.path, None, node, values)
         self.figures = Figures(self._run)
         self.recording = True
         self._notes: list[tuple[int, Note]] = []
@@ -310,8 +310,8 @@ class RecorderNode(LiveNode):
         self._end_run()
         try:
             self._open_run()
-        except OSError as error:
-            response.success, response.message = False, f'cannot write: {error.strerror}'
+        except SettingError as error:
+            response.success, response.message = False, str(error)
             return response
         if self.failure:
             response.success, response.message = False, self.failure

@@ -6,11 +6,10 @@ from collections import deque
 from math import inf
 import time
 
-from nadrc_ros.nodes.diagnostics import ERROR
+from nadrc_ros.nodes.diagnostics import ERROR, OK
 from nadrc_ros.nodes.inputs import publisher_name
-from nadrc_ros.nodes.remarks import Remarks
+from nadrc_ros.nodes.runtime import LiveNode
 from nadrc_ros.nodes.topics import Info, Input, receive, Sender
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Before the first command it is listened for so long [s], in which most others are discovered.
@@ -40,10 +39,6 @@ class Rivals:
         The controller.
     sender
         Of its commands.
-    remarks
-        Where it is said.
-    period
-        Of the controller [s].
     shared
         Whether others may command too: then nothing is listened to, and nobody gives way.
 
@@ -58,16 +53,17 @@ class Rivals:
 
     """
 
-    def __init__(
-        self, node: Node, sender: Sender, remarks: Remarks, period: float, *, shared: bool
-    ) -> None:
+    def __init__(self, node: LiveNode, sender: Sender, *, shared: bool) -> None:
         self.listening = not shared
         self.gave_way = False
         self.hearing = False
         self._node = node
         self._sender = sender
-        self._remarks = remarks
+        self._remarks = node.remarks
+        self._events = node.events
+        self._disputed = False
         self._shared = shared
+        period = node.pacing.period
         self._listen = max(LISTEN, LISTEN_PERIODS * period)
         self._probation = max(PROBATION, PROBATION_PERIODS * period)
         self._longest = max(LONGEST, LONGEST_PERIODS * period)
@@ -96,7 +92,7 @@ class Rivals:
         self._hear(idle or self._node.count_publishers(self._sender.topic) > 1)
         if self.commanding and not idle and not self.gave_way:
             return self._meet(age)
-        self._remarks.put('rivals', '')
+        self._settle_dispute()
         return False
 
     @property
@@ -126,15 +122,27 @@ class Rivals:
         if age > self._probation + self._listen or self._theirs < self._sender.count:
             text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
             self._remarks.put('rivals', text, ERROR)
+            if not self._disputed:
+                self._events.tell('rival', text, ERROR)
+            self._disputed = True
             return False
         self.gave_way = True
-        self._remarks.put(
-            'gave way',
+        text = (
             f'{self._who()} commands on {topic}: this controller is disabled and silent; to take '
-            'over, disable the other one and call ~/enable, or start with share_command',
-            ERROR,
+            'over, disable the other one and call ~/enable, or start with share_command'
         )
+        self._remarks.put('gave way', text, ERROR)
+        self._events.tell('rival', text, ERROR)
         return True
+
+    def _settle_dispute(self) -> None:
+        self._remarks.put('rivals', '')
+        if self._disputed:
+            text = f'one alone commands on {self._sender.topic} again'
+            self._events.tell('rival', text)
+            if self._remarks.due('dispute settled'):
+                self._remarks.log(text, OK)
+        self._disputed = False
 
     def _hear(self, wanted: bool) -> None:
         if wanted == self.hearing:
@@ -164,4 +172,5 @@ class Rivals:
         own = self._node.get_fully_qualified_name()
         if own in names:
             names.remove(own)
-        return ' or '.join(names) or 'somebody unknown'
+        called = ['another node called ' + own if name == own else name for name in names]
+        return ' or '.join(called) or 'somebody unknown'

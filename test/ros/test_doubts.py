@@ -111,6 +111,22 @@ def test_a_reference_that_is_refused_came_and_only_that_is_told() -> None:
     assert said == '; the reference 50 is not taken: it is outside -1e+15 .. 10'
 
 
+def test_a_measurement_outside_its_range_is_told_until_one_is_taken() -> None:
+    loop = Loop(measurement_min=-6.0, measurement_max=-5.0)
+    loop.y = 0.1
+    told = 'the measurement 0.1 is not taken: it is outside -6 .. -5'
+    assert told in loop.run(1, gain=0.0, leak=-3.0 / 0.1)
+    loop.y = -5.5
+    assert 'not taken' not in loop.run(1, gain=0.0, leak=3.0 / 5.5)
+    refused = loop.controller
+    refused.tick(float('nan'), 0.01)
+    assert refused.refused_measurement is not None
+    refused.tick(float('nan'), 0.0, elapsed=0.01)  # none came
+    assert refused.refused_measurement is not None
+    refused.tick(-5.5, 0.02)
+    assert refused.refused_measurement is None
+
+
 def test_in_a_slow_loop_five_periods_pass_before_something_is_missing() -> None:
     settings = GOOD | {'inner_bandwidth': 0.01, 'outer_bandwidth': 0.01, 'max_dt': 300.0}
     controller = Controller(

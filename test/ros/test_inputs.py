@@ -111,7 +111,11 @@ def test_a_quality_of_service_that_does_not_fit_is_told_with_the_remedy(probe: P
     name = ASK_FOR_RELIABLE.format(f'{probe.namespace}/measurement')
     probe.node.create_publisher(Float64, 'measurement', LATEST)
     probe.add(ControllerNode(parameters=CONTROL | {name: 'reliable'}))
-    told(probe, f'start with {name} = best_effort')
+    told(
+        probe,
+        f'{probe.namespace}/probe publishes it as best effort, heard only with '
+        f'-p {name}:=best_effort',
+    )
 
 
 def test_when_samples_come_that_is_said_and_the_warning_ends(

@@ -84,6 +84,32 @@ def test_p13_a_bad_parameter_is_refused_as_in_a_file_and_nothing_is_left(
 
 
 @pytest.mark.parametrize(
+    ('node', 'name', 'path', 'why'),
+    [
+        (RecorderNode, 'directory', 'file', 'a folder, .*File exists'),
+        (RecorderNode, 'directory', 'file/runs', 'a folder, .*Not a directory'),
+        (RecorderNode, 'directory', '~nobody_here/runs', 'a folder, .*home'),
+        (ControllerNode, 'trace', 'file', 'a new file .*File exists'),
+        (ControllerNode, 'trace', 'none/t', 'a new file .*No such file or directory'),
+    ],
+)
+def test_p13_where_nothing_can_be_written_the_parameter_is_named(
+    node: type[LiveNode],
+    name: str,
+    path: str,
+    why: str,
+    context: Context,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('file').touch()
+    with pytest.raises(SettingError, match=f"^{name} = '{path}': must be {why}"):
+        node(parameters={name: path}, context=context)
+    assert [each.name for each in tmp_path.iterdir()] == ['file']
+
+
+@pytest.mark.parametrize(
     ('where', 'said'),
     [
         ({'namespace': 'a b'}, "namespace = 'a b': must be names with / between them"),

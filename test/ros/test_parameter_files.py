@@ -52,7 +52,6 @@ def test_p13_a_file_for_another_controller_is_refused(start: Processes, tmp_path
         (('/**', '/**/prob'), '/**/prob'),
         (('/**/probe', '/**/prob'), ''),  # that is for us, and the rest for whom it may be
         (('/robot/**',), '/robot/**'),
-        ((), 'no node'),
     ],
 )
 def test_p13_a_file_that_means_nobody_here_is_refused_unless_it_is_for_our_other_nodes(
@@ -63,6 +62,13 @@ def test_p13_a_file_that_means_nobody_here_is_refused_unless_it_is_for_our_other
     said = refusal(probe, '--params-file', str(file))
     assert said.startswith(f'{file}: parameters of {refused} and none of {full}; ' * bool(refused))
     assert ('name them /**/probe (with' in said) == bool(refused)
+
+
+@pytest.mark.parametrize('content', ('', '# b0: 2.0\n', '{}\n'))
+def test_p13_an_empty_file_is_called_empty(content: str, probe: Probe, tmp_path: Path) -> None:
+    (file := tmp_path / 'empty.yaml').write_text(content)
+    said = refusal(probe, '--params-file', str(file))
+    assert said == f'{file}: there are no parameters in it, it is empty'
 
 
 def test_p13_a_renamed_node_is_told_what_to_write_in_a_file_of_our_tools(

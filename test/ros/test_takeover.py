@@ -10,6 +10,7 @@ from nadrc_ros.adrc.supervisor import Mode
 from nadrc_ros.nodes import rivals
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.diagnostics import ERROR, OK
+from nadrc_ros.nodes.events import receive_events
 from nadrc_ros.nodes.plant import PlantNode
 from probe import Probe, Processes
 import pytest
@@ -95,9 +96,17 @@ def test_of_two_that_began_shortly_before_the_one_that_sent_fewer_commands_gives
 
 
 def test_one_that_is_in_control_stays_so_and_both_are_told(
-    probe: Probe, monkeypatch: pytest.MonkeyPatch
+    probe: Probe, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(rivals, 'PROBATION', 0.0)
+    events: list[str] = []
+    texts: list[str] = []
+
+    def note(_: str, kind: str, text: str, __: Any) -> None:
+        events.append(kind)
+        texts.append(text)
+
+    receive_events(probe.node, 'controller', note)
     node = probe.add(ControllerNode(parameters=CONTROL))
     probe.add(PlantNode(parameters=PLANT))
     probe.wait_until(lambda: node.controller.mode == Mode.OK)
@@ -105,8 +114,12 @@ def test_one_that_is_in_control_stays_so_and_both_are_told(
     told = f'{probe.namespace}/probe commands on {probe.namespace}/command too'
     probe.wait_until(lambda: told in probe.said()[-1][1] and probe.said()[-1][0] == ERROR)
     assert node.controller.mode == Mode.OK and node.controller.enabled
+    assert [kind for kind in events if kind == 'rival'] == ['rival']
     timer.cancel()
     probe.wait_until(lambda: 'too' not in probe.said()[-1][1])
+    settled = f'one alone commands on {probe.namespace}/command again'
+    probe.wait_until(lambda: events[-1] == 'rival' and told in texts[-2] and texts[-1] == settled)
+    assert settled in capfd.readouterr().err
 
 
 def test_a_standby_takes_over_when_the_other_is_disabled_and_nobody_complains(
