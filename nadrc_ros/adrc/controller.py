@@ -159,8 +159,7 @@ class Controller:
 
     Examples
     --------
-    >>> settings = ControllerSettings(plant_order=1, b0=2.0)
-    >>> controller = Controller(settings, checked=True)
+    >>> controller = Controller(ControllerSettings(plant_order=1, b0=2.0), checked=True)
     >>> controller.tick(measurement=0.0, dt=0.01, reference=[1.0])
     0.0
     >>> 0.0 < controller.tick(measurement=0.0, dt=0.01) < 2.0
@@ -207,14 +206,12 @@ class Controller:
         dt
             Time since the previous sample [s]; 0 when none came.
         elapsed
-            Time since the last tick [s], by default ``dt``. Without a sample it must be given: the
-            timeouts count it.
+            Time since the last tick [s], by default ``dt``; needed where no sample came.
         age
             How long ago the measurement came [s]: ``measurement_timeout`` counts from then.
         reference
-            r and its derivatives, or None when no new one came. A derivative that is left out is
-            0. One that is None or no number is the last one for at most ``max_dt``, and then 0
-            without a bump.
+            r and its derivatives, or None when no new one came. One that is left out is 0; None or
+            no number stands for the last one, for at most ``max_dt``, then for 0, without a bump.
         applied
             The command that really acted since the last tick; unknown, the one returned then.
 
