@@ -150,7 +150,8 @@ class ControllerNode(LiveNode):
         self._set_enabled(on)
         self._estimates.look()
         self.diagnostics.publish()
-        return True, said
+        missed = '' if on else self._rivals.missed()
+        return not missed, f'{said}, but {missed}' if missed else said
 
     def _set_enabled(self, on: bool) -> None:
         self.controller.enabled = on

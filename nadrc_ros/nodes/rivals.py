@@ -112,6 +112,13 @@ class Rivals:
             return ''
         return f'{self._who()} commands on {self._sender.topic}: disable it first, and ask again'
 
+    def missed(self) -> str:
+        """Return who commands and would have had to be disabled by the same request, if any."""
+        own = self._node.get_fully_qualified_name()
+        if not self.commanding or own not in self._others():
+            return ''
+        return f'{self._who()} commands on {self._sender.topic}: ask again, or end one of the two'
+
     def settle(self, enabled: bool) -> None:
         """Note that somebody decided whether we command."""
         self.gave_way = self.gave_way and not enabled
@@ -167,10 +174,14 @@ class Rivals:
             self._theirs = inf if number is None else number
 
     def _who(self) -> str:
+        own = self._node.get_fully_qualified_name()
+        names = ['another node called ' + own if name == own else name for name in self._others()]
+        return ' or '.join(names) or 'somebody unknown'
+
+    def _others(self) -> list[str]:
         there = self._node.get_publishers_info_by_topic(self._sender.topic)
         names = sorted(map(publisher_name, there))
         own = self._node.get_fully_qualified_name()
         if own in names:
             names.remove(own)
-        called = ['another node called ' + own if name == own else name for name in names]
-        return ' or '.join(called) or 'somebody unknown'
+        return names

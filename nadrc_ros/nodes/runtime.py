@@ -16,6 +16,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.nodes.events import Events
 from nadrc_ros.nodes.inputs import InputWatch
+from nadrc_ros.nodes.namesakes import Namesakes
 from nadrc_ros.nodes.node_arguments import overrides, own_rules
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
@@ -106,7 +107,7 @@ class LiveNode(Node):
         self.inputs: list[Input] = []
         self.remarks = Remarks(self.get_logger())
         # Called once per second.
-        self.checks: list[Callable[[], None]] = []
+        self.checks: list[Callable[[], None]] = [Namesakes(self, self.remarks).look]
         try:
             if arguments:
                 refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))

@@ -7,9 +7,9 @@ import signal
 from typing import Any
 
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes import rivals
+from nadrc_ros.nodes import namesakes, rivals
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import ERROR, OK
+from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
 from nadrc_ros.nodes.events import receive_events
 from nadrc_ros.nodes.plant import PlantNode
 from probe import Probe, Processes
@@ -198,6 +198,37 @@ def test_who_is_disabled_and_never_sent_a_command_is_silent_and_not_at_safe(
     probe.wait_until(lambda: probe.said()[-1][1].startswith(at_safe))
     log = capfd.readouterr().err
     assert log.count('silent: disabled') == 1 and log.count(at_safe) == 1
+
+
+def test_one_of_the_same_name_is_told_and_nobody_takes_the_loop_for_disabled(
+    probe: Probe, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(namesakes, 'LISTED', 3.0)
+    probe.add(PlantNode(parameters=PLANT))
+    first = probe.add(ControllerNode(parameters=CONTROL))
+    probe.wait_until(lambda: first.controller.mode == Mode.OK)
+    second = ControllerNode(parameters=CONTROL)
+    probe.executor.add_node(second)
+    name = first.get_fully_qualified_name()
+    told = f'another node is called {name} too'
+    probe.wait_until(lambda: not second.controller.enabled and second._rivals.commanding)
+    done, said = second.enable(False)
+    topic = f'{probe.namespace}/command'
+    assert not done
+    assert said.startswith(f'already disabled, but another node called {name} commands on {topic}')
+    assert f'another node called {name} commands on {topic}' in second.enable()[1]
+
+    def levels() -> set[bytes]:
+        return {node.remarks._held.get('namesake', (OK,))[0] for node in (first, second)}
+
+    probe.wait_until(lambda: levels() == {WARN})
+    probe.wait_until(lambda: levels() == {ERROR})
+    assert f'{told}, unless it was killed' in capfd.readouterr().err
+    probe.executor.remove_node(second)
+    second.destroy_node()
+    probe.wait_until(lambda: probe.said() and 'is called' not in probe.said()[-1][1])
+    assert f'no other node is called {name} any more' in capfd.readouterr().err
+    assert first.enable(False) == (True, 'disabled')
 
 
 def test_stopped_before_its_first_command_it_sends_none(probe: Probe) -> None:
