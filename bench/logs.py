@@ -69,6 +69,7 @@ class Case:
     start: tuple[float, ...] = (0.0,)
     late: int = 0
     noise: float = 0.0
+    colour: float = 0.0  # pole of a filter in the sensor, that the noise has passed
     disturbance: float = 0.0
     steps: int = 2
     outside: bool = False
@@ -91,7 +92,8 @@ class Case:
         r: Array = np.asarray(self.reference(t + 0.03 * self.seconds * rng.uniform()), float)
         slow = np.exp(-self.h / (0.02 * self.seconds))
         pushes: Array = lfilter([np.sqrt(1.0 - slow**2)], [1.0, -slow], rng.normal(size=count))
-        y, u = self._loop(r, self.disturbance * pushes, self.noise * rng.normal(size=count))
+        noise: Array = lfilter([self.noise], [1.0, -self.colour], rng.normal(size=count))
+        y, u = self._loop(r, self.disturbance * pushes, noise)
         kept = np.arange(count)
         if self.repeated:
             kept = kept - (rng.uniform(size=count) < self.repeated)

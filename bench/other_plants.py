@@ -11,6 +11,7 @@ from bench.logs import Case, chirp, moves, multisine, Pid, random_steps, square
 import numpy as np
 
 OVEN = Pid(p=3.0, i=0.01, low=0.0, high=100.0, offset=20.0)
+SLIDE = Pid(p=8.0, d=4.0, filter=0.03)
 CASES = {
     'heater, dead time': Case(
         b0={1: 2.0 / 300.0},
@@ -161,6 +162,42 @@ CASES = {
         disturbance=0.05,
         steps=20,
         repeated=0.02,
+    ),
+    'slide, dry friction, square': Case(
+        b0={2: 2.0},
+        slope=lambda x, u, d: [x[1], 2.0 * u - 0.2 * x[1] - 0.6 * np.tanh(200.0 * x[1]) + d],
+        h=0.01,
+        seconds=15.0,
+        start=(0.0, 0.0),
+        reference=square(0.0, 1.0, 1.5),
+        controller=SLIDE,
+        noise=0.003,
+        disturbance=0.3,
+        steps=20,
+    ),
+    'slide, small backlash': Case(
+        b0={2: 2.0},
+        slope=lambda x, u, d: [x[1], 2.0 * u - 0.8 * x[1] + d],
+        h=0.01,
+        seconds=15.0,
+        start=(0.0, 0.0),
+        reference=square(0.0, 1.0, 1.5),
+        controller=SLIDE,
+        noise=0.001,
+        disturbance=0.3,
+        play=0.01,
+    ),
+    'slide, coloured noise': Case(
+        b0={2: 2.0},
+        slope=lambda x, u, d: [x[1], 2.0 * u - 0.8 * x[1] + d],
+        h=0.01,
+        seconds=15.0,
+        start=(0.0, 0.0),
+        reference=square(0.0, 1.0, 1.5),
+        controller=SLIDE,
+        noise=0.002,
+        colour=0.9,
+        disturbance=0.3,
     ),
     'servo, encoder': Case(
         b0={2: 50.0},

@@ -5,9 +5,10 @@ from __future__ import annotations
 from bench.identify import study_others
 from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.tuning.identification.candidates import is_lag
 from nadrc_ros.tuning.identification.delays import likely_delays
 from nadrc_ros.tuning.identification.estimate import is_open
-from nadrc_ros.tuning.identification.fit import fit_direct
+from nadrc_ros.tuning.identification.fit import Fit, fit_direct
 from nadrc_ros.tuning.identification.identify import identify, Plant
 from nadrc_ros.tuning.identification.log import log_of
 from nadrc_ros.tuning.identification.motion import direction, noise_deviation, rate_of
@@ -76,6 +77,40 @@ def test_a_loop_whose_reference_stands_is_refused(name: str) -> None:
 def test_dry_friction_is_allowed_for(name: str) -> None:
     plant = plant_of(name, 2)
     assert plant.dry == 'friction' and plant.b0.half_width < 0.15
+
+
+def test_friction_that_a_square_hides_is_in_the_interval() -> None:
+    assert plant_of('slide, dry friction, square', 2).b0.half_width < 0.15
+
+
+def test_small_backlash_is_no_order() -> None:
+    assert plant_of('slide, small backlash', None).order == 2
+
+
+def test_backlash_that_no_order_explains_is_refused() -> None:
+    """Behind a lag, order 3 explains it best, with a b0 a hundred times too large."""
+    with pytest.raises(UserError, match='--order'):
+        identify(log_of(CASES['arm, wide backlash'].log(seed=0)))
+
+
+def test_a_pole_that_is_fast_against_the_noise_is_a_lag() -> None:
+    found = {
+        pole: is_lag(
+            Fit(
+                form=Form(order=2),
+                bandwidth=10.0,
+                parameters=np.array([0.0, -pole]),
+                gain=1.0,
+                innovation=1.0,
+            )
+        )
+        for pole in (5.0, 15.0, 30.0)
+    }
+    assert found == {5.0: False, 15.0: False, 30.0: True}
+
+
+def test_coloured_noise_leaves_an_answer() -> None:
+    assert plant_of('slide, coloured noise', 2).b0.half_width < 0.4
 
 
 def test_a_reference_that_comes_at_odd_times_costs_little() -> None:

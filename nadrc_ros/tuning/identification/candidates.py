@@ -23,14 +23,18 @@ from nadrc_ros.tuning.identification.fit import (
 from nadrc_ros.tuning.identification.motion import direction, noise_deviation, NOISY, rate_of
 from nadrc_ros.tuning.identification.predictor import Form, Log
 import numpy as np
+import numpy.typing as npt
 
 SMOOTHNESS = (1, 2, 3)
 # What explains the log nearly as well counts as well: the simplest such model is taken.
 NEARLY = 1.003
 # Rows more than a suggested delay takes.
 ROOM = 10
-# Lags beyond that part of 1 / bandwidth of the noise model are no lags.
+# Lags beyond that part of 1 / bandwidth of the noise model are no lags, and poles beyond that
+# many bandwidths are no dynamics.
 SLOW_LAG = 2.0
+# No loop holds a plant that grows by more than that many powers of e within its dead time.
+HOPELESS = 2.0
 
 
 def explored(log: Log, orders: Sequence[int]) -> tuple[Log, dict[int, Suggestion | None]]:
@@ -74,12 +78,36 @@ def candidates(log: Log, order: int, suggestion: Suggestion | None, open_order: 
     if open_order:  # a slow lag is dynamics of the plant's own: of the next order
         slow = SLOW_LAG / simplest(fits).bandwidth
         late = [fit for fit in late if not fit.form.lagging or fit.parameters[-1] <= slow]
-    fits += late
+    fits += [fit for fit in late if not hopeless(fit)]
     for near in {fit.form: fit for fit in (fits[0], simplest(fits))}.values():
         fits += [
             fit_direct(log, attrs.evolve(near.form, dry=dry), near) for dry in dry_of(log, order)
         ]
-    return fits
+    return [fit for fit in fits if not (open_order and is_lag(fit))]
+
+
+def is_lag(fit: Fit) -> bool:
+    """
+    Tell whether the highest order is but a lag that is fast against the noise: of the order below.
+
+    Backlash looks like one, and its b0 is that of the plant over the lag.
+    """
+    n = fit.form.order
+    poles = poles_of(fit)
+    fastest = poles[np.argmax(np.abs(poles))]
+    return bool(n > 1 and not fastest.imag and fastest.real < -SLOW_LAG * fit.bandwidth)
+
+
+def hopeless(fit: Fit) -> bool:
+    """Tell whether no loop holds the plant: a period of the reference passes for dead time."""
+    if not fit.form.delayed:
+        return False
+    return bool(poles_of(fit).real.max() * fit.parameters[fit.form.order] > HOPELESS)
+
+
+def poles_of(fit: Fit) -> npt.NDArray[np.complex128]:
+    """Return the roots of s^n - a, without those of a lag."""
+    return np.asarray(np.roots(np.append(1.0, -fit.parameters[: fit.form.order][::-1])), complex)
 
 
 def smooth(log: Log, form: Form, near: Fit | None = None) -> list[Fit]:

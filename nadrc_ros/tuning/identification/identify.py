@@ -16,7 +16,12 @@ from collections.abc import Sequence
 
 import attrs
 from nadrc_ros.records.recording import RecordingError
-from nadrc_ros.tuning.identification.candidates import candidates, explored, simplest, with_ways
+from nadrc_ros.tuning.identification.candidates import (
+    candidates,
+    explored,
+    simplest,
+    with_ways,
+)
 from nadrc_ros.tuning.identification.estimate import Estimate, is_open, refine, Z95
 from nadrc_ros.tuning.identification.fit import deviation, Fit
 from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine
@@ -38,6 +43,8 @@ WIDEST = 0.5
 WIDE = 0.2
 # Deviations of noise, below which it may well be that a plant stands.
 DOUBTFUL = 3.0
+# A model with dry friction or backlash may be that much worse and yet be true.
+TENABLE = 1.03
 # What follows from the reference alone must predict about as well as what fits best.
 WORSE = 1.2
 
@@ -111,16 +118,18 @@ def identify(log: Log, order: int | None = None) -> Plant:
             f'the reference stands at {log.reference[0]:g}: what the command does cannot be told '
             f'from what the disturbance does that it answers: {ADVICE}'
         )
-    refined, estimates = in_the_best_band(log, chosen)
+    asked = ADVICE if order else f'give --order if you know it, or {ADVICE}'
+    refined, estimates = in_the_best_band(log, chosen, asked)
     b0, late = estimates[0], chosen.form.late
     if chosen.form.dry:
         b0 = however_it_turns(log, refined, b0)
+    b0 = or_dry(log, chosen, fits, b0)
     if chosen.form.lagging:
         b0 = in_series(b0, refined)
     if not b0.half_width <= WIDEST:
         raise RecordingError(
             f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command moves too little '
-            f'that the disturbance does not: {ADVICE}'
+            f'that the disturbance does not, or the noise is coloured, as behind a filter: {asked}'
         )
     best = min(fit.innovation for fit in fits)
     top = estimates[chosen.form.order]
@@ -134,7 +143,8 @@ def identify(log: Log, order: int | None = None) -> Plant:
         noise=min(noise_deviation(log.measurement), deviation(log, refined, chosen.bandwidth)),
         disturbance_bandwidth=chosen.bandwidth,
         unexplained={
-            n: min(f.innovation for f in fits if f.form.order == n) / best for n in orders
+            n: min(fit.innovation for fit in fits if fit.form.order == n) / best
+            for n in sorted({fit.form.order for fit in fits})
         },
         instruments=not closed,
         samples=len(log.command),
@@ -143,7 +153,7 @@ def identify(log: Log, order: int | None = None) -> Plant:
     )
 
 
-def in_the_best_band(log: Log, chosen: Fit) -> tuple[Fit, list[Estimate]]:
+def in_the_best_band(log: Log, chosen: Fit, asked: str = ADVICE) -> tuple[Fit, list[Estimate]]:
     """
     Return the fit and its estimates behind the prefilter that leaves b0 a small error.
 
@@ -157,12 +167,12 @@ def in_the_best_band(log: Log, chosen: Fit) -> tuple[Fit, list[Estimate]]:
     found = [
         (fit, estimates)
         for fit, estimates in tried
-        if deviation(log, fit, chosen.bandwidth) <= WORSE * chosen.innovation
+        if deviation(log, fit, fit.bandwidth) <= WORSE * deviation(log, chosen, fit.bandwidth)
     ]
     if not found:
         raise RecordingError(
             'the reference and the command explain too little of the output, as when the loop '
-            f'stalls or commands act at odd times: {ADVICE}'
+            f'stalls, commands act at odd times, or there is much backlash: {asked}'
         )
     gains = [estimates[0] for _, estimates in found]
     best = 0
@@ -183,6 +193,25 @@ def however_it_turns(log: Log, fit: Fit, b0: Estimate) -> Estimate:
     """Return b0 with an interval that allows for when exactly the plant stops and turns."""
     other = refine(with_ways(log, DOUBTFUL), fit)[1][0].value
     return attrs.evolve(b0, error=float(np.hypot(b0.error, 0.5 * (other - b0.value))))
+
+
+def or_dry(log: Log, chosen: Fit, fits: Sequence[Fit], b0: Estimate) -> Estimate:
+    """
+    Return b0 with an interval that holds that of dry friction and of backlash as well.
+
+    Under a square friction goes with the motion as stiffness does, and noise blurs when the plant
+    stands: where its model is hardly worse, the log does not tell which is true.
+    """
+    low, high = b0.low, b0.high
+    for fit in fits:
+        same = (fit.form.order, fit.form.late) == (chosen.form.order, chosen.form.late)
+        if not same or fit.form.dry in ('', chosen.form.dry):
+            continue
+        if fit.innovation <= TENABLE * chosen.innovation:
+            other = refine(log, fit)[1][0]
+            if other.half_width <= WIDE:
+                low, high = min(low, other.low), max(high, other.high)
+    return Estimate(value=0.5 * (low + high), error=0.5 * (high - low) / Z95)
 
 
 def total(parts: Sequence[Estimate]) -> Estimate | None:
