@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from itertools import pairwise
 import re
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 NAME = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]*')
 IN_A_NAME = 'letters, digits and single _, and no digit first'
 # As rcl reads them; what the name of a topic may be, rcl says itself.
 SIDE_OF_RULE = re.compile('[^:=\\s]+')
+REMAP = {'-r', '--remap'}
+# What one remaps for all nodes of a machine at once, whether or not they have it.
+COMMON = {
+    *('reference', 'reference/rate', 'reference/acceleration', 'measurement', 'command'),
+    *('clock', 'diagnostics', 'parameter_events', 'rosout', 'tf', 'tf_static'),
+}
+CLOSE = 0.75
 # What rclpy itself asks of a node, half of which would be left there by its own refusal.
 FLAGS = ('use_sim_time', 'start_type_description_service')
 
@@ -44,6 +54,46 @@ def own_rules(namespace: str, node_name: str, remappings: Mapping[str, str]) -> 
                 raise SettingError('remappings', side, 'the name of a topic or a service')
         rules.append(f'{old}:={new}')
     return ['--ros-args', *(part for rule in rules for part in ('-r', rule))] if rules else None
+
+
+def rules_of(arguments: Sequence[str]) -> list[str]:
+    """Return the remappings on a command line."""
+    return [rule for flag, rule in pairwise(arguments) if flag in REMAP and ':=' in rule]
+
+
+def tell_unused(nodes: Sequence[Node], rules: Iterable[str]) -> None:
+    """Log which remappings of topics and services concern no node: misspelt ones."""
+    told: set[str] = set()
+    for rule in rules:
+        left, _, new = rule.partition(':=')
+        old = left.rpartition(':')[2].removeprefix('//')  # without a node or a kind before it
+        if old.startswith('__') or old.lstrip('/') in COMMON or old in told:
+            continue
+        told.add(old)  # of two rules for one name the first one counts
+        if any(node.resolve_topic_name(new, only_expand=True) in _names(node) for node in nodes):
+            continue
+        known = {form for node in nodes for name in _names(node) for form in _forms(node, name)}
+        near = get_close_matches(old, sorted(known), n=1, cutoff=CLOSE)
+        log, who = nodes[0].get_logger(), ', '.join(n.get_fully_qualified_name() for n in nodes)
+        text = f'-r {rule}: no topic or service of {who} is called {old}'
+        if near:
+            log.warning(f'{text}: did you mean {near[0]}?')
+        else:
+            log.info(text)
+
+
+def _names(node: Node) -> set[str]:
+    """Return the topics and services of a node, as they are called on the graph."""
+    topics = {each.topic_name for each in (*node.publishers, *node.subscriptions)}
+    services = {each.srv_name for each in (*node.services, *node.clients)}  # as they were made
+    return topics | set(map(node.resolve_service_name, services))
+
+
+def _forms(node: Node, name: str) -> list[str]:
+    """Return how one may write a full name for a node."""
+    space, own = node.get_namespace().rstrip('/'), node.get_fully_qualified_name()
+    short = [name.removeprefix(space + '/')] if name.startswith(space + '/') else []
+    return [name, *short, *(['~' + name.removeprefix(own)] if name.startswith(own + '/') else [])]
 
 
 def overrides(parameters: Mapping[str, Any]) -> list[Parameter]:

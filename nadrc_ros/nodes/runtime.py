@@ -17,7 +17,7 @@ from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.nodes.events import Events
 from nadrc_ros.nodes.inputs import InputWatch
 from nadrc_ros.nodes.namesakes import Namesakes
-from nadrc_ros.nodes.node_arguments import overrides, own_rules
+from nadrc_ros.nodes.node_arguments import overrides, own_rules, rules_of, tell_unused
 from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
 from nadrc_ros.nodes.parameters import (
@@ -124,6 +124,7 @@ class LiveNode(Node):
             if not self.pacing.lockstep:
                 watch = InputWatch(self, self.inputs, self.remarks, self.pacing.period)
                 self.checks.append(watch.look)
+            tell_unused([self], [f'{old}:={new}' for old, new in (remappings or {}).items()])
         except BaseException:
             self.destroy_node()
             raise
@@ -275,6 +276,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
         init_ros()
         made = make()
         nodes += [made] if isinstance(made, LiveNode) else made
+        tell_unused(nodes, rules_of(sys.argv))
     except BAD_START as error:
         print(f'cannot start: {error}', file=sys.stderr)
         rclpy.try_shutdown()

@@ -13,6 +13,7 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.node_arguments import rules_of, tell_unused
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
@@ -126,6 +127,54 @@ def test_names_that_are_none_are_refused_in_one_line(
 ) -> None:
     message = refusal(lambda: ControllerNode(context=context, **where))
     assert message.startswith(said) and '\n' not in message
+
+
+@pytest.mark.parametrize(
+    ('rule', 'said'),
+    [
+        ('measurment:=/imu', 'called measurment: did you mean measurement?'),
+        ('/comand:=/motor', 'called /comand: did you mean /command?'),
+        ('controller:comand:=/motor', 'called comand: did you mean command?'),
+        ('~/enabel:=/stop', 'called ~/enabel: did you mean ~/enable?'),
+        ('rosservice://~/enabel:=/stop', 'called ~/enabel: did you mean ~/enable?'),
+        ('odom:=/odometry', '/controller is called odom'),
+        *((rule, '') for rule in ('measurement:=/imu', '/command:=motor', '~/enable:=/stop')),
+        *((rule, '') for rule in ('controller:measurement:=~/imu', 'rostopic://command:=/motor')),
+        *((rule, '') for rule in ('__node:=yaw', 'reference/acceleration:=/a', '/tf:=tf')),
+        *(
+            (rule, '')
+            for rule in ('measurement:=measurement', '/rosout:=/log', '~/event:=/events')
+        ),
+    ],
+)
+def test_a_remapping_of_what_no_node_has_is_told(
+    rule: str, said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    context = Context()
+    command = ['controller', '--ros-args', '-r', rule]
+    context.init(command)
+    node = ControllerNode(context=context)
+    tell_unused([node], rules_of(command))
+    log = capfd.readouterr().err
+    assert log.count('no topic or service of') == bool(said) and said in log
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def test_of_several_axes_a_remapping_has_to_be_for_one_only(
+    context: Context, capfd: pytest.CaptureFixture[str]
+) -> None:
+    remapped = {'/y/measurement': '/imu'}
+    nodes = [
+        ControllerNode(context=context, namespace=axis, remappings=rules)
+        for axis, rules in (('x', {}), ('y', remapped))
+    ]
+    tell_unused(nodes, ['/y/measurement:=/imu'])
+    assert 'no topic or service' not in capfd.readouterr().err
+    nodes.append(ControllerNode(context=context, remappings={'comand': '/motor'}))
+    assert 'did you mean command?' in capfd.readouterr().err
+    for node in nodes:
+        node.destroy_node()
 
 
 def state_of_the_process() -> list[object]:
