@@ -77,8 +77,9 @@ def identify(
     with reporting(str(run)):
         import attrs
         from nadrc_ros.records.history import read_history
+        from nadrc_ros.records.outliers import without_outliers
         from nadrc_ros.records.recorded_run import read_run
-        from nadrc_ros.records.shaping import thinned, window
+        from nadrc_ros.records.shaping import thinned, unwrapped, window
         from nadrc_ros.scenario.files import dump
         from nadrc_ros.scenario.parameter_files import (
             about_reference,
@@ -96,7 +97,14 @@ def identify(
             recorded = read_run(run, options.source(namespace, time, time_unit, **signals))
         if recorded.told:
             complain(f'{run}: {recorded.told}')
-        recorded = _unwrapped(window(recorded, begin, end), wrap)
+        recorded = window(recorded, begin, end)
+        if wrap:
+            recorded = unwrapped(recorded, wrap)
+        recorded, wrong = without_outliers(recorded)
+        if wrong:
+            complain(f'{run}: {wrong}')
+        if wrap is None:
+            _refuse_wrapped(recorded)
         thin, kept = thinned(recorded, MOST_ROWS, every)
         if kept > 1:
             complain(
@@ -146,19 +154,16 @@ def identify(
             typer.echo(f'{out}: {remark}')
 
 
-def _unwrapped(run: 'RecordedRun', period: Optional[float]) -> 'RecordedRun':
+def _refuse_wrapped(run: 'RecordedRun') -> None:
     from nadrc_ros.records.recording import RecordingError
-    from nadrc_ros.records.shaping import PERIODS, unwrapped, wrap_of
+    from nadrc_ros.records.shaping import PERIODS, wrap_of
 
-    if period:
-        return unwrapped(run, period)
-    found = wrap_of(run.columns['measurement']) if period is None else None
-    if found is None:
-        return run
-    raise RecordingError(
-        f'the measurement jumps by {found:.4g}, as an angle that wraps: --wrap {PERIODS[found]} '
-        'unwraps it, --wrap 0 takes it as it is'
-    )
+    found = wrap_of(run.columns['measurement'])
+    if found is not None:
+        raise RecordingError(
+            f'the measurement jumps by {found:.4g}, as an angle that wraps: --wrap '
+            f'{PERIODS[found]} unwraps it, --wrap 0 takes it as it is'
+        )
 
 
 def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str, Any]:
