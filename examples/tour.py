@@ -8,8 +8,11 @@ The same four nodes, in one process, with the same changes while they run in rea
 
 from __future__ import annotations
 
-from nadrc_ros.testing import loop, RunningLoop
-import numpy as np
+try:
+    from nadrc_ros.testing import loop, RunningLoop
+    import numpy as np
+except ImportError as error:
+    raise SystemExit(f'{error}: source install/local_setup.bash first') from None
 
 PLANT = {'plant': 'paper', 'a1': -1.0, 'a2': -1.0, 'disturbance': 'sine', 'noise_variance': 1e-6}
 STEP = 1.5  # s

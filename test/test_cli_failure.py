@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.cli.app import app
 from nadrc_ros.cli.failure import reporting
 import pytest
 import typer
+from typer.testing import CliRunner
 
 
 def disguised(error: Exception) -> None:
@@ -34,6 +38,25 @@ def test_what_the_user_can_mend_is_one_line(
         raise error
     assert ended.value.exit_code == 1
     assert capsys.readouterr().err.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('design', '--settling-time', '1', '--out', 'file'), 'is a file, not a folder'),
+        (('tune', 'demo', '--out', 'file/sub'), 'is a file, not a folder'),
+        (('identify', 'log', '--json', 'none/f.json'), 'none: there is no such folder'),
+        (('identify', 'log', '--scenario', '.'), 'is a folder, not a file'),
+    ],
+)
+def test_where_nothing_can_be_written_is_said_before_the_work(
+    words: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('file').touch()
+    done = CliRunner().invoke(app, list(words))
+    assert done.exit_code == 1 and done.output.splitlines()[-1].endswith(said)
+    assert 'settling' not in done.output  # a table
 
 
 def test_a_bug_keeps_its_traceback() -> None:

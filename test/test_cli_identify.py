@@ -151,7 +151,13 @@ def test_a_csv_file_gives_the_plant_of_the_run_and_says_how_it_was_read(
     )
     value, output = b0_of(tmp_path, path, *options)
     assert value == pytest.approx(b0_of(tmp_path, run)[0], rel=1e-4)
-    assert 'semicolons between cells, decimal commas' in output and 'PWM (guessed)' in output
+    assert 'semicolons between cells, decimal commas' in output
+    assert 'PWM (guessed by its name)' in output
+    guess = 'the limits of the command, '
+    assert guess in output and 'are guessed: the log does not tell them' in output
+    scenario = tmp_path / 'found.yaml'
+    b0_of(tmp_path, path, *options, '--scenario', scenario)
+    assert scenario.read_text().startswith(f'# {guess}') and load(scenario)
     assert b0_of(tmp_path, run / 'samples.csv')[0] == pytest.approx(value, rel=1e-4)
     wrong = nadrc('identify', path, *options[:-1], 'drehzal')
     assert wrong.exit_code == 1 and 'did you mean Drehzahl (rpm)?' in wrong.output

@@ -189,7 +189,7 @@ def test_a_run_without_truth_stamps_or_parameters_says_so(tmp_path: Path) -> Non
     page = report(record(tmp_path, columns=SIGNALS[:3], summary=False))
     for text in (
         'Neither an estimate of the disturbance nor its true value was recorded.',
-        'It was not recorded when samples left their publishers',
+        'Nothing here tells when samples left their publishers',
         'The parameters of the nodes were not recorded.',
         'the recorder did not end the run',
     ):
@@ -238,7 +238,7 @@ def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / 'bag', loop, mcap=True)
     page = report(bag)
     assert 'bag (3 s at 100 Hz) ran. ' in page.text
-    assert 'Nothing was lost.' in page.text
+    assert 'Whether samples were lost is not known.' in page.text
     states = write_bag(tmp_path / 'states', {'/x': loop['/arm/measurement'], **loop})
     assert report(states, record(tmp_path / 'runs'), topic='measurement=/x').plots
     assert nadrc('report', states, '--topic', 'measurement').exit_code == 2
@@ -251,8 +251,11 @@ def test_a_csv_file_is_reported_in_part_and_how_it_was_read_is_said(tmp_path: Pa
     log.write_text('t [ms],Drehzahl,pwm,ziel\n' + rows)
     page = report(log, measurement='Drehzahl', reference='ziel', **{'from': 1, 'to': 2})
     assert 'my log.csv (1.01 s at 100 Hz) ran. ' in page.text
+    assert 'Nothing was lost' not in page.text and 'lockstep' not in page.text
+    names = [line['name'] for line in page.plots[0]['data']]
+    assert 'my log.csv, measurement' in names and 'measurement' not in names
     done = nadrc('report', log, '--measurement', 'drehzahl', '--out', tmp_path / 'p.html')
-    assert 'measurement Drehzahl, command pwm (guessed), no reference' in done.output
+    assert 'measurement Drehzahl, command pwm (guessed by its name), no reference' in done.output
 
 
 def test_without_out_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_a_shipped_scenario_goes_by_its_bare_name(
     ('old', 'new', 'message'),
     [
         ('nested: {}', 'nested: {b0: 0}', 'controllers.nested.b0 = 0.0: must be'),
-        ('disturbance', 'fault', "fault = 'decaying_cosine': must be left out"),
+        ('disturbance', 'fault', 'fault: there is no such key; did you mean faults?'),
         ('rate: 100', 'rate: [', 'line 8, column 12: not YAML: '),
     ],
 )
@@ -316,3 +316,21 @@ def test_what_was_not_recorded_is_left_blank() -> None:
     assert render(draw({'a': trace, 'b': trace}, 'title'), 'png')
     with pytest.raises(ValueError, match='command has shape'):
         flat(command=[1.0])
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('simulate', 'demmo'), 'did you mean demo?'),
+        (('simulate', ROOT / 'config/sweeps/bandwidth.yaml'), 'this is a sweep, not a scenario'),
+        (('sweep', ROOT / 'config/demo.yaml'), 'this is a scenario, not a sweep'),
+        (('simulate', 'parameters.yaml'), 'these are parameters of a node, not a scenario'),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_as_such(
+    words: tuple[object, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('parameters.yaml').write_text('/**/controller:\n  ros__parameters: {b0: 2.0}\n')
+    done = CliRunner().invoke(app, list(map(str, words)))
+    assert done.exit_code == 1 and said in done.output and done.output.count('\n') == 1

@@ -111,6 +111,14 @@ def test_the_figures_are_those_of_the_recorder_to_the_bit(error: str, tmp_path: 
     assert (rebuilt['samples_lost'], rebuilt['complete']) == (None, None)
 
 
+@pytest.mark.parametrize('name', ['log.csv', 'empty'])
+def test_what_is_no_folder_of_a_run_is_refused_as_that(name: str, tmp_path: Path) -> None:
+    (tmp_path / 'log.csv').write_text('t,y\n0,1\n')
+    (tmp_path / 'empty').mkdir()
+    done = nadrc('summarise', tmp_path / name)
+    assert done.exit_code == 1 and 'not the folder of a run' in done.output
+
+
 def test_gaps_in_time_are_periods_without_a_row(tmp_path: Path) -> None:
     folder, _ = record(tmp_path, lost=(3, 4, 20))
     found = summarise(folder)
@@ -145,7 +153,7 @@ def test_a_summary_that_a_recorder_ended_its_run_with_stays(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ('file', 'content', 'said'),
     [
-        (SAMPLES, None, f'{SAMPLES}: No such file'),
+        (SAMPLES, None, f'there is no {SAMPLES} in it'),
         (SETTINGS, None, f'{SETTINGS}: No such file'),
         (SETTINGS, '{', SETTINGS),
         (SETTINGS, '[]', 'rate'),

@@ -146,7 +146,7 @@ def _wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
     ('arguments', 'said'),
     [
         (('--controller', 'fuzzy'), '--controller = '),
-        (('--vary', 'speed=1:2'), 'vary.speed = '),
+        (('--vary', 'speed=1:2'), 'vary.speed: there is no such key'),
         (('--vary', 'b0=2'), 'b0 = '),
         (('--b0-spread', 'much'), 'b0_spread = '),
         (('--plant', 'mass=1:2'), 'mass'),

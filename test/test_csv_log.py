@@ -41,10 +41,24 @@ def test_columns_of_usual_names_are_found_and_told(tmp_path: Path) -> None:
     assert run.columns['command'].tolist() == [3.0, 4.0]
     assert run.columns['reference'].tolist() == [1.0, 1.0]
     assert run.told == (
-        'semicolons between cells, decimal commas, UTF-8; time Zeit [ms] (in ms, 0.01 s a row, '
-        'guessed), command /motor/pwm (guessed), reference Setpoint (guessed), measurement Speed '
-        '(rpm) (guessed)'
+        'semicolons between cells, decimal commas, UTF-8; time Zeit [ms] (guessed by its '
+        'name, in ms, 0.01 s a row), command /motor/pwm (guessed by its name), reference '
+        'Setpoint (guessed by '
+        'its name), measurement Speed (rpm) (guessed by its name)'
     )
+
+
+def test_seconds_are_assumed_aloud_where_nothing_tells_the_unit(tmp_path: Path) -> None:
+    rows = 'rpm;pwm\n{};1;2\n{};2;3\n'
+    path = written(tmp_path, 't;' + rows.format(0, 10))
+    assumed = 't has no unit, and seconds are assumed: if not, --time-unit ms'
+    told = read_run(path).told
+    assert assumed in told and 'time t (guessed by its name, 10 s a row)' in told
+    told = read_run(path, Source(time='t', time_unit='ms')).told
+    assert 'assumed' not in told and 'time t (in ms, 0.01 s a row)' in told
+    assert 'assumed' not in read_run(written(tmp_path, 't [s];' + rows.format(0, 1))).told
+    clock = rows.format('10:00:00', '10:00:01')
+    assert 'assumed' not in read_run(written(tmp_path, 't;' + clock)).told
 
 
 def test_columns_that_are_named_are_taken(tmp_path: Path) -> None:

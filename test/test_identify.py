@@ -14,6 +14,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import Change, History
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.records.shaping import window
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants.chain import Chain
@@ -253,7 +254,7 @@ def silent(run: RecordedRun) -> RecordedRun:
         (saturated, 'the command is at 3 for 95 % of the time'),
         (short, 'only 100 samples with a command, and it takes 200'),
         (still, 'the output does not move'),
-        (lossy, '50 % of the measurements are lost'),
+        (lossy, r'50 % of the periods have no measurement.*: record at a lower rate'),
         (unrelated, 'b0 may be anything from'),
         (silent, 'only 0 samples'),
     ],
@@ -264,6 +265,14 @@ def test_data_that_cannot_tell_are_refused_with_what_is_missing(
     with pytest.raises(UserError, match=said) as caught:
         identify(log_of(spoil(lag)), 1)
     assert ': ' in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_the_longest_part_without_a_gap_is_proposed(lag: RecordedRun) -> None:
+    silent = (lag.columns['time'] >= 4.0) & (lag.columns['time'] < 10.0)
+    gap = attrs.evolve(lag, columns={k: v[~silent] for k, v in lag.columns.items()})
+    with pytest.raises(UserError, match=r'30 % of the periods.*--from 10 --to 19\.99 has no gap'):
+        log_of(gap)
+    assert len(log_of(window(gap, 10.0, 19.99)).command) == 1000
 
 
 def test_a_run_that_tells_little_has_a_wide_interval_and_a_doubt() -> None:

@@ -30,12 +30,33 @@ class SettingError(UserError):
 
     def inside(self, path: str) -> SettingError:
         """Return the same error with ``name`` placed below ``path``."""
-        return SettingError(f'{path}.{self.name}' if path else self.name, self.value, self.allowed)
+        name = f'{path}.{self.name}' if path else self.name
+        return type(self)(name, self.value, self.allowed)
+
+
+class UnknownName(SettingError):
+    """There is no setting of that name; ``allowed`` says which there are."""
+
+    def __str__(self) -> str:
+        return f'{self.name}: there is no such key; {self.allowed}'
+
+
+def one_of(name: object, known: Iterable[str]) -> str:
+    """Return in words that a name must be a known one, with the one that is near to it."""
+    known = tuple(known)
+    near = _near(name, known) if isinstance(name, str) else ''
+    return 'one of ' + ', '.join(known) + (f' (did you mean {near}?)' if near else '')
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the question for the known name near to ``name``, if there is one, and all names."""
+    known = tuple(known)
+    near = _near(name, known)
+    question = f'did you mean {near}? ' if near else ''
+    return f'{question}there are {", ".join(known) or "none"}'
+
+
+def _near(name: str, known: Iterable[str]) -> str:
     names = {each.lower(): each for each in known}
     near = get_close_matches(name.lower(), names, n=1, cutoff=0.5)
-    question = f'did you mean {names[near[0]]}? ' if near else ''
-    return f'{question}there are {", ".join(names.values()) or "none"}'
+    return names[near[0]] if near else ''

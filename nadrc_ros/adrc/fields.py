@@ -14,7 +14,7 @@ from math import isfinite
 from typing import Any, TypeVar
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import did_you_mean, one_of, SettingError, UnknownName
 
 T = TypeVar('T')
 _KEY = 'declared'
@@ -144,8 +144,7 @@ def refuse_unknown_keys(values: Mapping[Any, Any], allowed: Iterable[str], path:
     known = tuple(allowed)
     for key, value in values.items():
         if key not in known:
-            error = SettingError(str(key), value, 'left out: allowed keys are ' + ', '.join(known))
-            raise error.inside(path)
+            raise UnknownName(str(key), value, did_you_mean(str(key), known)).inside(path)
 
 
 def _field(kind: str, default: Any, description: str, **more: Any) -> Any:
@@ -153,7 +152,10 @@ def _field(kind: str, default: Any, description: str, **more: Any) -> Any:
 
     def check(_: object, attribute: Any, value: object) -> None:
         if not declaration.accepts(value):
-            raise SettingError(attribute.name, value, declaration.allowed())
+            words = declaration.choices
+            raise SettingError(
+                attribute.name, value, one_of(value, words) if words else declaration.allowed()
+            )
 
     return attrs.field(
         default=default,

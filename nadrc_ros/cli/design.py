@@ -60,7 +60,10 @@ def design(
     with reporting():
         from nadrc_ros.adrc.fields import build
         from nadrc_ros.tuning.design.first_design import first_design
+        from nadrc_ros.writing import check_folder
 
+        if out is not None:
+            check_folder(out)
         found = first_design(build(Requirements, values))
         expected = found.expected()
         _print(found, expected)
@@ -127,7 +130,7 @@ def _rows(
         ('b / b0', 'gain margins', [f'{m.gain_low:.2f} ... {m.gain_high:.3g}' for m in margins]),
         (
             'input gain',
-            'any error of b0 u below [%]',
+            'error of b0 it bears, even one that varies [%]',
             [f'{100.0 * p.input_gain_margin:.0f}' for p in predicted],
         ),
         ('phase', 'margin [degrees]', [f'{degrees(m.phase):.0f}' for m in margins]),

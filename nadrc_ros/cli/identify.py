@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.identification.advice import Advice
     from nadrc_ros.tuning.identification.estimate import Estimate
     from nadrc_ros.tuning.identification.identify import Plant
+    from nadrc_ros.tuning.identification.predictor import Log
 
 # A b0 that is off by more, or by more than half of the gain margin (of its decibels), is worth a
 # new one.
@@ -74,6 +75,10 @@ def identify(
     with reporting():
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
+        from nadrc_ros.writing import check_file
+
+        for file in filter(None, (out, scenario, json)):
+            check_file(file)
     with reporting(str(run)):
         import attrs
         from nadrc_ros.records.history import read_history
@@ -135,23 +140,31 @@ def identify(
             if followed is not None:
                 write_whole(followed, text.encode())
             repeated = scenario_of(plant, log, advice.settings, followed)
-            write_whole(scenario, dump(repeated).encode())
+            note = '' if advice.limits_known else f'# {_guess(advice, log)}\n'
+            write_whole(scenario, (note + dump(repeated)).encode())
         for line in _verdict(plant, advice, b0):
             typer.echo(line)
         typer.echo(f'Next: {advice.line} --out mine')
         if scenario is not None:
             effort = repeated.run(NAME).metrics.isu
             typer.echo(f'Then: nadrc tune {scenario} --budget {rounded(MORE * effort, 3):g}')
-        if out is not None and not advice.limits_known:
-            low, high = log.command.min(), log.command.max()
-            complain(
-                f'{out}: without command_min, command_max and safe_command, which the log does '
-                f'not tell (its commands are {low:.4g} to {high:.4g}): set them before it runs'
-            )
+        if not advice.limits_known:
+            complain(f'{run}: {_guess(advice, log)}')
+            if out is not None:
+                names = ' and '.join((', '.join(UNKNOWN[:-1]), UNKNOWN[-1]))
+                complain(f'{out}: without {names}: set them before it runs')
         for doubt in plant.doubts:
             complain(f'{run}: {doubt}')
         if out is not None and (remark := about_reference(advice.settings)):
             typer.echo(f'{out}: {remark}')
+
+
+def _guess(advice: 'Advice', log: 'Log') -> str:
+    low, high = advice.settings.command_min, advice.settings.command_max
+    return (
+        f'the limits of the command, {low:g} to {high:g}, are guessed: the log does not tell them '
+        f'(its commands are {log.command.min():.4g} to {log.command.max():.4g})'
+    )
 
 
 def _refuse_wrapped(run: 'RecordedRun') -> None:
@@ -245,14 +258,15 @@ def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]
     lines = [] if b0 is None else [_compared(plant, advice, b0)]
     best, chosen = advice.settings, advice.design.chosen
     lines.append(
-        f'Suggested start: settling time {advice.design.wanted.settling_time:g} s, of which '
-        f'{advice.limit} forbids much less: {chosen.name}, b0 {best.b0:g}, inner_bandwidth '
-        f'{best.inner_bandwidth:g}, controller_bandwidth {best.controller_bandwidth:g}.'
+        f'Suggested start: settling time {advice.design.wanted.settling_time:g} s '
+        f'({advice.limit} forbids a much shorter one), {chosen.name}, b0 {best.b0:g}, '
+        f'inner_bandwidth {best.inner_bandwidth:g}, '
+        f'controller_bandwidth {best.controller_bandwidth:g}.'
     )
     margins = advice.margins
     lines.append(
         f'It is stable for b / b0 from {margins.gain_low:.2f} to {margins.gain_high:.3g}, and '
-        f'with {1e3 * margins.delay:.3g} ms of more delay; its distance from -1 is '
+        f'with up to {1e3 * margins.delay:.3g} ms more delay; its distance from -1 is '
         f'{margins.modulus:.2f}.'
     )
     return lines

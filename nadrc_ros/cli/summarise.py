@@ -28,7 +28,7 @@ def summarise(
         if content['complete'] is False:
             complain(f'{run}: the last row was cut short and is left out')
         if gap := content['gap_time']:
-            complain(f'{run}: of {gap:.3g} s there is no row, and they are in no figure')
+            complain(f'{run}: no rows for {gap:.3g} s; no figure counts this time')
         print_figures_of_merit(
             f'{run}, {content["rows"]} rows',
             {'': MetricValues(**content['metrics'])},

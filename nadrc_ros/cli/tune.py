@@ -97,6 +97,7 @@ def tune(
     given = {key: value for key, value in options.items() if value not in (None, [])}
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
+        from nadrc_ros.writing import check_folder
 
         path = find_scenario(file)
         scenario = _bare(load(path))
@@ -104,6 +105,7 @@ def tune(
         names = _chosen(scenario, controller)
         tuning = _tuning(given, settings)
         folder = out or OUT / path.stem
+        check_folder(folder)
         try:
             from nadrc_ros.tuning.search.study import open_storage
         except ImportError as error:
@@ -120,7 +122,7 @@ def tune(
 def _bare(scenario: 'Scenario') -> 'Scenario':
     """Leave retunes out: what is tuned would be overwritten by them."""
     for retune in scenario.retunes:
-        complain(f'the retune at {retune.time:g} s is left out: it would change what is tuned')
+        complain(f'the retune at {retune.time:g} s is ignored: it would overwrite what is tuned')
     return attrs.evolve(scenario, retunes=())
 
 
@@ -201,7 +203,13 @@ def _search(studies: 'list[TuningStudy]', jobs: Optional[int]) -> None:
     going = [study for study in studies if study.done < study.tuning.trials]
     if not going:
         return
-    total, done = sum(one.tuning.trials for one in going), sum(one.done for one in going)
+    for study in going:
+        if study.total > study.tuning.trials:
+            complain(
+                f'{study.label}: {study.total} designs, not {study.tuning.trials}: the first '
+                f'generation has {study.first}, each later one {study.tuning.population}'
+            )
+    total, done = sum(one.total for one in going), sum(one.done for one in going)
     fast = all(study.judge.compiled for study in going)
     with progress('designs', total, done) as tell, _workers(fast, jobs) as executor:
         run_studies(going, executor, tell)

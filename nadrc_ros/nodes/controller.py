@@ -146,7 +146,8 @@ class ControllerNode(LiveNode):
         said = 'enabled' if on else 'disabled'
         if on == self.controller.enabled:
             said = 'already ' + said
-        self.events.tell('enable', said)
+        else:
+            self.events.tell('enable', said)
         self._set_enabled(on)
         self._estimates.look()
         self.diagnostics.publish()

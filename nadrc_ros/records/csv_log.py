@@ -57,13 +57,17 @@ def _told(
     file: CsvFile, series: Series, columns: dict[str, str], given: dict[str, str], unit: str
 ) -> str:
     """Say how the file is written, which column is what, and what was guessed."""
-    unit = unit or file.unit_of(columns['time'])
-    step = f', {np.median(np.diff(series.time)):.4g} s a row' if len(series.time) > 1 else ''
+    time = columns['time']
+    known = unit or file.unit_of(time)
+    step = f'{np.median(np.diff(series.time)):.4g} s a row' if len(series.time) > 1 else ''
     words = []
     for signal, column in columns.items():
-        note = [f'in {unit}{step}'] if signal == 'time' else []
-        note += [] if signal in given or signal == column else ['guessed']
+        note = [] if signal in given or signal == column else ['guessed by its name']
+        if signal == 'time':
+            note += [*([f'in {known}'] if known else []), *([step] if step else [])]
         words.append(f'{signal} {column}' + (f' ({", ".join(note)})' if note else ''))
     words += [] if 'reference' in columns else ['no reference']
-    cut = '; the last row was cut short and is left out' if series.cut else ''
-    return f'{file.told}; {", ".join(words)}{cut}'
+    told = f'{file.told}; {", ".join(words)}'
+    if not known and not series.dated:
+        told += f'; {time} has no unit, and seconds are assumed: if not, --time-unit ms'
+    return told + ('; the last row was cut short and is left out' if series.cut else '')

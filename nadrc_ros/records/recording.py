@@ -188,6 +188,8 @@ def summarise(folder: Path) -> dict[str, Any]:
         For a file that cannot be read.
 
     """
+    if folder.exists() and not (folder / SAMPLES).is_file():
+        raise RecordingError(f'not the folder of a run: there is no {SAMPLES} in it')
     settings = read_settings(folder)
     samples = Samples(folder)
     for name in ('time', *NEEDED):

@@ -19,8 +19,8 @@ HERE = Path(__file__).parent
 NO_DISTURBANCE = 'Neither an estimate of the disturbance nor its true value was recorded.'
 NO_SPECTRUM = 'There are too few samples for a spectrum.'
 NO_STAMPS = (
-    'It was not recorded when samples left their publishers: the run was in lockstep, is from a '
-    'bag, or is older.'
+    'Nothing here tells when samples left their publishers; the recorder keeps that of runs in '
+    'real time.'
 )
 NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
 

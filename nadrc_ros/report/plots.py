@@ -65,10 +65,14 @@ class Plotter:
         for name, subject in self.subjects.items():
             one = {'legendgroup': 'reference', 'showlegend': name == first}
             self._line(figure, subject, 'reference', subject.column('reference'), REFERENCE, **one)
+        true = [name for name, subject in self.subjects.items() if subject.knows_output]
         for name, subject in self.subjects.items():
-            self._line(figure, subject, name, subject.output, self._looks[name])
+            label = name if name in true else f'{name}, measurement'
+            self._line(figure, subject, label, subject.output, self._looks[name])
         for name, subject in self.subjects.items():
-            one = {'legendgroup': 'measurement', 'showlegend': name == first}
+            if name not in true:
+                continue  # the measurement is there already
+            one = {'legendgroup': 'measurement', 'showlegend': name == true[0]}
             thin = {'color': self.colour(name), 'width': 0.8}
             measured = subject.run.columns['measurement']
             self._line(figure, subject, 'measurement', measured, thin, visible='legendonly', **one)

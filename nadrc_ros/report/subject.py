@@ -82,6 +82,11 @@ class Subject:
         return np.where(np.isnan(output), self.run.columns['measurement'], output)
 
     @property
+    def knows_output(self) -> bool:
+        """Tell whether the true output is known, not the measurement alone."""
+        return bool(np.isfinite(self.column('output')).any())
+
+    @property
     def error(self) -> Array:
         """Return the error of the figures of merit."""
         reference, followed = self.run.columns['reference'], self.column('tracking')

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 
+import attrs
+from nadrc_ros.records.history import Event
 from nadrc_ros.report.columns import Array
 from nadrc_ros.report.figures_of_merit import ROWS, shown, wins
 from nadrc_ros.report.markup import table
@@ -81,7 +83,7 @@ def events(subjects: Mapping[str, Subject]) -> str:
     found = [
         (event.time, run, event)
         for run, subject in subjects.items()
-        for event in subject.history.events
+        for event in _with_ends(subject.history.events)
         if event.time is not None
     ]
     rows = [
@@ -95,6 +97,18 @@ def events(subjects: Mapping[str, Subject]) -> str:
     ]
     header = ['time', *(['run'] if several else []), 'node', 'event']
     return table(header, rows[:LISTED], words=range(len(header))) if rows else ''
+
+
+def _with_ends(events: Sequence[Event]) -> list[Event]:
+    """Return events that say which fault has ended, where a plant tells that there is none."""
+    found, before = [], 'the fault'
+    for event in events:
+        if event.kind == 'fault' and event.message == 'none':
+            event = attrs.evolve(event, message=f'{before} ended')
+        elif event.kind == 'fault':
+            before = event.message
+        found.append(event)
+    return found
 
 
 def timing(columns: Mapping[str, Array]) -> str:

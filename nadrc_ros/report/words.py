@@ -100,7 +100,7 @@ def _lost(subjects: Mapping[str, Subject]) -> list[str]:
     ]
     if found:
         return [f'Beware of {"; ".join(found)}.']
-    if any(s.is_folder and s.run.summary.get('samples_lost') is None for s in subjects.values()):
+    if any(s.run.summary.get('samples_lost') is None for s in subjects.values()):
         return ['Whether samples were lost is not known.']
     return ['Nothing was lost.']
 

@@ -13,7 +13,15 @@ from zlib import error
 
 import attrs
 from nadrc_ros.adrc.errors import did_you_mean, UserError
-from nadrc_ros.scenario.csv_dialect import decoded, Dialect, dialect_of, is_missing, rows, SECONDS
+from nadrc_ros.scenario.csv_dialect import (
+    decoded,
+    Dialect,
+    dialect_of,
+    is_missing,
+    rows,
+    SECONDS,
+    SPELT,
+)
 import numpy as np
 import numpy.typing as npt
 
@@ -39,12 +47,15 @@ class Series:
         Arrays (N,) by name, nan where a cell is empty.
     cut
         Whether the last row was cut short, and so was left out.
+    dated
+        Whether the times are dates or those of a clock, which have no unit.
 
     """
 
     time: Array
     columns: dict[str, Array]
     cut: bool
+    dated: bool
 
 
 @attrs.frozen(eq=False)
@@ -77,23 +88,24 @@ class CsvFile:
 
         """
         places = [self.place(name) for name in (time, *columns)]
-        unit = unit or self.unit_of(time)
+        unit = unit or self.unit_of(time) or 's'
         if unit not in SECONDS:
             raise UserError(f'the unit of time {unit!r}: must be one of {", ".join(SECONDS)}')
         lines: list[int] = []
         parts: list[list[Array]] = [[] for _ in places]
-        cut = False
+        cut = dated = False
         for some, cells, short in self._blocks(places):
             parts[0].append(self._times(time, cells[0], some, SECONDS[unit]))
             for name, part, column in zip(columns, parts[1:], cells[1:]):
                 part.append(self._numbers(name, column, some))
+            dated = dated or (bool(cells[0]) and _is_date(cells[0][0]))
             lines += some
             cut = short
         if not lines:
             raise UserError('there are no rows of numbers')
         stamps, *values = (np.concatenate(part) for part in parts)
         _check_order(time, stamps, lines)
-        return Series(time=stamps, columns=dict(zip(columns, values)), cut=cut)
+        return Series(time=stamps, columns=dict(zip(columns, values)), cut=cut, dated=dated)
 
     def place(self, name: str) -> int:
         """Return the index of a column, from its name, with or without a unit, or its number."""
@@ -107,8 +119,9 @@ class CsvFile:
         raise UserError(f'there is no column {name!r}: {did_you_mean(name, self.names)}')
 
     def unit_of(self, time: str) -> str:
-        """Return the unit of a column of times: that of its heading, else s."""
-        return self.dialect.units[self.place(time)] or 's'
+        """Return the unit of a column of times: that of its heading, '' if it names none."""
+        place = self.place(time)
+        return self.dialect.units[place] or SPELT.get(self.names[place].lower(), '')
 
     def _blocks(self, places: Sequence[int]) -> Iterator[tuple[list[int], list[list[str]], bool]]:
         """Yield lines of rows, their cells by column, and whether a cut one followed, in parts."""
@@ -148,7 +161,7 @@ class CsvFile:
             raise UserError(f'line {line}: {name} = {cell!r} is no number') from None
 
     def _times(self, name: str, cells: list[str], lines: list[int], scale: float) -> Array:
-        if cells and DATE.fullmatch(cells[0].strip()):
+        if cells and _is_date(cells[0]):
             stamps = np.array([_seconds(name, *each) for each in zip(cells, lines)])
         else:
             stamps = scale * self._numbers(name, cells, lines)
@@ -192,6 +205,10 @@ def _check_order(name: str, stamps: Array, lines: list[int]) -> None:
             f'line {lines[i + 1]}: {name} {how} that of line {lines[i]}, {stamps[i]:.15g} s, and '
             f'times must increase{more}'
         )
+
+
+def _is_date(cell: str) -> bool:
+    return DATE.fullmatch(cell.strip()) is not None
 
 
 def _bare(name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.errors import did_you_mean, UserError
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.mapping import from_mapping, to_mapping
 from nadrc_ros.scenario.scenario import Scenario
@@ -93,8 +93,10 @@ def find_scenario(name_or_path: str | Path) -> Path:
         return shipped[str(name_or_path)]
     if path.is_dir():
         raise ScenarioError('this is a directory, not a scenario file')
-    names = ', '.join(shipped) or 'none found'
-    raise ScenarioError(f'there is no such file, and no shipped scenario of that name ({names})')
+    raise ScenarioError(
+        'there is no such file, and no shipped scenario of that name: '
+        + did_you_mean(str(name_or_path), shipped)
+    )
 
 
 def shipped_scenarios() -> dict[str, Path]:

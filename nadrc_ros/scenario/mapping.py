@@ -61,6 +61,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         What is wrong, by its dotted path.
 
     """
+    refuse_other_kinds(data, 'scenario')
     refuse_unknown_keys(_mapping(data, ''), KEYS)
     given = {key: value for key, value in data.items() if value is not None}
     for key, example in NEEDED.items():
@@ -82,6 +83,30 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         ),
         retunes=_retunes(given.get('retune', [])),
         **same,
+    )
+
+
+def refuse_other_kinds(data: Mapping[Any, Any], wanted: str) -> None:
+    """
+    Refuse a file of another kind as such, where ``wanted`` is a scenario or a sweep.
+
+    Raises
+    ------
+    ScenarioError
+        Says what it is.
+
+    """
+    if _of_a_node(data):
+        raise ScenarioError(f'these are parameters of a node, not a {wanted}')
+    if wanted == 'scenario' and 'scenario' in data and 'controllers' not in data:
+        raise ScenarioError('this is a sweep, not a scenario: nadrc sweep runs it')
+    if wanted == 'sweep' and 'controllers' in data and 'scenario' not in data:
+        raise ScenarioError('this is a scenario, not a sweep; a sweep names one, and what varies')
+
+
+def _of_a_node(data: Any) -> bool:
+    return isinstance(data, Mapping) and (
+        'ros__parameters' in data or any(map(_of_a_node, data.values()))
     )
 
 

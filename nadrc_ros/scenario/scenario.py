@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.errors import ScenarioError
@@ -232,9 +232,7 @@ def _checked_retunes(
 def _check_live(path: str, key: str, value: object) -> None:
     live = [name for name, setting in SETTINGS.items() if setting.live]
     if key not in SETTINGS:
-        raise SettingError(
-            f'{path}.{key}', value, 'left out: allowed keys are time, ' + ', '.join(live)
-        )
+        raise UnknownName(f'{path}.{key}', value, did_you_mean(key, ['time', *live]))
     if key not in live:
         raise SettingError(f'{path}.{key}', value, 'left out: it is fixed at the start')
 

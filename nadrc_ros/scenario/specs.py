@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import one_of, SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.scenario.user_plant import load_plant
 from nadrc_ros.scenario.user_signal import load_column, load_signal
@@ -43,7 +43,7 @@ class PlantSpec:
         if self.file:
             return load_plant(self.file, self.class_name, self.values)
         if self.name not in PLANTS:
-            raise SettingError('name', self.name, 'one of ' + ', '.join(PLANTS))
+            raise SettingError('name', self.name, one_of(self.name, PLANTS))
         return build(PLANTS[self.name], self.values)
 
 

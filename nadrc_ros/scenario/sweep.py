@@ -15,7 +15,7 @@ from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import refuse_unknown_keys
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.files import find_scenario, read_text
-from nadrc_ros.scenario.mapping import from_mapping
+from nadrc_ros.scenario.mapping import from_mapping, refuse_other_kinds
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.user_code import blame
 from nadrc_ros.simulation.experiment import Experiment
@@ -177,6 +177,7 @@ def load_sweep(path: str | Path) -> Sweep:
 
     """
     data = _read(path, 'a sweep is a mapping of scenario, vary and seeds')
+    refuse_other_kinds(data, 'sweep')
     refuse_unknown_keys(data, KEYS)
     scenario, folder = _scenario(data.get('scenario'), Path(path).parent)
     if not isinstance(scenario.get('controllers'), dict):

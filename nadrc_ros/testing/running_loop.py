@@ -7,7 +7,7 @@ from math import inf, isfinite
 import time
 from typing import Any
 
-from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.graph import expected_readers
 from nadrc_ros.nodes.lockstep import Lockstep
@@ -181,10 +181,13 @@ class RunningLoop:
         Raises
         ------
         UserError
-            With the reason, when they are refused; nothing has changed then.
+            With the reason, when they are refused; nothing has changed then. Or for a node that
+            there is not.
 
         """
         parameters = overrides({**(values or {}), **more})
+        if node not in self._nodes:
+            raise UserError(f'there is no node {node}: {did_you_mean(node, self._nodes)}')
         result = self._nodes[node].set_parameters_atomically(parameters)
         if not result.successful:
             raise UserError(result.reason)

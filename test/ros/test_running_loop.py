@@ -260,6 +260,8 @@ def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def test_a_change_that_is_refused_changes_nothing_and_time_only_goes_on() -> None:
     with tank(0.2) as run:
+        with pytest.raises(UserError, match='did you mean controller\\?'):
+            run.change('controler', b0=2.0)
         run.run_until(0.1)
         with pytest.raises(UserError, match='inner_bandwidth'):
             run.change(inner_bandwidth=-1.0, b0=3.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import one_of, SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.simulation.plants.motor import MotorPosition, MotorSpeed
@@ -37,7 +37,7 @@ def plant_type(name: str) -> type[Plant]:
 
     """
     if name not in PLANTS:
-        raise SettingError('plant', name, 'one of ' + ', '.join(PLANTS))
+        raise SettingError('plant', name, one_of(name, PLANTS))
     return PLANTS[name]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import one_of, SettingError
 from nadrc_ros.adrc.fields import build, Declared, declared, refuse_unknown_keys
 from nadrc_ros.simulation.signals.chirp import Chirp
 from nadrc_ros.simulation.signals.decaying_cosine import DecayingCosine
@@ -53,7 +53,7 @@ def signal_type(name: str) -> type[Signal]:
 
     """
     if name not in SIGNALS:
-        raise SettingError('signal', name, 'one of ' + ', '.join(SIGNALS))
+        raise SettingError('signal', name, one_of(name, SIGNALS))
     return SIGNALS[name]
 
 

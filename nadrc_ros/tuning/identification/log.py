@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import ceil, floor
+
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.records.spacing import GAP
 from nadrc_ros.tuning.identification.motion import noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Log
 import numpy as np
@@ -52,8 +56,8 @@ def log_of(run: RecordedRun) -> Log:
     lost = 1.0 - kept.size / grid.size
     if lost > MOST_LOST:
         raise RecordingError(
-            f'{100 * lost:.0f} % of the measurements are lost, at most {100 * MOST_LOST:.0f} % '
-            'may be: record on the machine of the loop, or at a lower rate'
+            f'{100 * lost:.0f} % of the periods have no measurement: it was not sent, or lost. At '
+            f'most {100 * MOST_LOST:.0f} % may: {_remedy(columns["time"][kept], place)}'
         )
     held = np.searchsorted(place, grid, 'right') - 1
     reference = _filled(columns['reference'][kept])
@@ -93,6 +97,22 @@ def _filled(values: Array) -> Array:
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
     filled: Array = values[last]
     return filled
+
+
+def _remedy(time: Array, place: Array) -> str:
+    """Propose the longest part without gaps, if it is long enough, else another recording."""
+    ends = np.append(np.flatnonzero(np.diff(place) > GAP), len(place) - 1)
+    starts = np.append(0, ends[:-1] + 1)
+    longest = int(np.argmax(place[ends] - place[starts]))
+    first, last = starts[longest], ends[longest]
+    periods, count = place[last] - place[first] + 1, last - first + 1
+    if count < FEWEST_SAMPLES or count < (1.0 - MOST_LOST) * periods:
+        return 'record at a lower rate, or on a machine with less to do'
+    return f'--from {_short(time[first], ceil)} --to {_short(time[last], floor)} has no gap'
+
+
+def _short(time: float, cut: Callable[[float], int]) -> str:
+    return f'{1e-3 * cut(1e3 * time):.10g}'
 
 
 def _check_rate(run: RecordedRun) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, ExitStack
 from hashlib import sha256
-from math import log
+from math import ceil, log
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +128,13 @@ class TuningStudy:
         """Return how many trials are stored."""
         return len(self.stored.get_trials(deepcopy=False))
 
+    @property
+    def total(self) -> int:
+        """Return how many trials there are in the end: generations are whole."""
+        later = max(0, self.tuning.trials - self.first)
+        size = self.tuning.population
+        return max(self.first + ceil(later / size) * size, self.done)
+
     def _best(self) -> str:
         """Return the best so far in a few words."""
         known = [t.score.figures for t in self.trials() if not t.score.violations]
@@ -226,7 +233,7 @@ def run_studies(
     """
 
     def told() -> None:
-        known = sum(min(one.known, one.tuning.trials) for one in studies)
+        known = sum(min(one.known, one.total) for one in studies)
         tell(known, ', '.join(one.best for one in studies if one.best))
 
     with ExitStack() as stack:

@@ -9,7 +9,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 
@@ -119,7 +119,7 @@ def _wanted(
     path = f'vary.{name}'
     values = {**_own_values(settings), **dict.fromkeys(known, 1.0)}
     if name not in values:
-        raise SettingError(path, span, 'left out: what can vary is ' + ', '.join(values))
+        raise UnknownName(path, span, did_you_mean(name, values))
     if span == ():
         if name not in known and values[name] == 0.0:
             raise SettingError(path, 'no range', f'given a range, {name}=low:high')
