@@ -25,6 +25,7 @@ from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown, written_t
 from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
 from nadrc_ros.nodes.stamps import SampleTimes
+from nadrc_ros.nodes.takers import Takers
 from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
 from nadrc_ros.records.replay import TraceWriter
 from std_srvs.srv import SetBool, Trigger
@@ -91,6 +92,7 @@ class ControllerNode(LiveNode):
             given = self._parameter_overrides
             doubts = Doubts(self.controller, self.pacing.rate, given, self.remarks)
             self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
+            self.checks.append(Takers(self, self.controller, self._command, self.remarks).look)
             rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
             self.beat: Beat = first.beat if first and by_timer else Beat(self, rate, phase=0.5)
             if not by_timer:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from nadrc_ros.nodes import inputs
+from nadrc_ros.nodes import inputs, takers
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.diagnostics import OK, WARN
 from nadrc_ros.nodes.inputs import InputWatch
@@ -257,3 +257,23 @@ def test_a_setpoint_that_stands_still_and_a_silent_controller_are_no_warning_of_
     n = len(probe.said('recorder'))
     probe.wait_until(lambda: len(probe.said('recorder')) > n + 3)
     assert not any('nothing comes' in message for _, message, _ in probe.said('recorder')[n:])
+
+
+@pytest.mark.parametrize('topic', ('comand', 'arm/command', 'velocity'))
+def test_a_command_that_nobody_takes_is_told_in_control_with_who_may_be_meant(
+    topic: str, probe: Probe, driver: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(takers, 'LOOKS', 2)
+    driver.create_subscription(Float64, topic, print, SEND)
+    node = probe.add(ControllerNode(parameters=CONTROL))
+    measure, space = probe.publisher('measurement'), probe.namespace
+    nobody = f'nobody subscribes to {space}/command, so the commands move nothing'
+    probe.wait_until(lambda: len(probe.said()) > 4)
+    assert not any(nobody in message for _, message, _ in probe.said())
+    probe.node.create_timer(0.02, lambda: measure(0.0))
+    like = f', but {space}/driver subscribes to {space}/{topic}: did you mean to remap?'
+    told(probe, nobody + like * (topic != 'velocity'))
+    assert ('did you mean' in probe.said()[-1][1]) == (topic != 'velocity')
+    assert node.controller.enabled
+    probe.listen('command')
+    probe.wait_until(lambda: nobody not in probe.said()[-1][1])
