@@ -117,6 +117,14 @@ def test_nothing_is_written_when_nothing_is_feasible(file: Path, tmp_path: Path)
     assert os.listdir(tmp_path / 'out') == ['study.log']
 
 
+def test_more_designs_than_asked_for_are_told(file: Path, tmp_path: Path) -> None:
+    few = ('--trials', 5, '--population', 4, '--seeds', 1, '--jobs', 1, '--controller', 'nested')
+    done = nadrc(file, *few, '--out', tmp_path / 'out')
+    said = 'nested: 16 designs, not 5: the first generation has 16, each later one 4'
+    assert said in done.output
+    assert result(tmp_path / 'out')['nested']['trials'] == 16
+
+
 @pytest.mark.parametrize('blow', [signal.SIGKILL, signal.SIGINT])
 def test_what_was_stopped_goes_on_to_the_same_end(
     blow: signal.Signals, file: Path, tmp_path: Path

@@ -121,6 +121,9 @@ def test_what_happened_is_listed_in_order(tmp_path: Path) -> None:
     found = tables.events(read_subjects([run]))
     assert found.index('holding') < found.index('no &lt;measurement&gt;')
     assert 'enabled' not in found  # that was before the run
+    append_event(run, Event(2.5, '/mine/plant', 'fault', 'measurement silent'))
+    append_event(run, Event(3.0, '/mine/plant', 'fault', 'none'))
+    assert 'measurement silent ended' in tables.events(read_subjects([run]))
     (run / EVENTS).write_text('{"time": 1.0, "node": "/mine"}\n')
     with pytest.raises(UserError, match=r'events\.jsonl, line 1'):
         read_history(run)
