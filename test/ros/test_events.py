@@ -55,7 +55,8 @@ def test_every_change_of_state_is_an_event_with_its_time(
     assert probe.set('controller', outer_bandwidth=-3.0) != ['']
     assert probe.enable(False).success
     probe.wait_until(lambda: cause(probe) == 'disabled')
-    assert probe.enable().success
+    assert probe.enable().message == 'enabled'
+    assert probe.enable().message == 'already enabled'  # which is no event
     rows = node.figures.rows
     probe.wait_until(lambda: node.figures.rows > rows + 60)
     assert probe.trigger('recorder/reset').success
