@@ -12,6 +12,8 @@ from hypothesis import example, given, settings, strategies
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import csv_file
 from nadrc_ros.scenario.csv_file import CsvFile, open_csv
+from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario.user_signal import load_column
 import pytest
 
 GERMAN = 't [ms];Soll;Ist °C\r\n0;1,5;2\r\n10;1,5;2,25\r\n'
@@ -46,6 +48,8 @@ def columns(file: CsvFile) -> list[list[float]]:
             'commas between cells, deci',
         ),
         ('t_ms,r,y\n0,1.5,2\n\n# note, 3\n10,1.5,2.25\n', 'commas between cells, UTF-8'),
+        ('# a\nt_ms,r,y\n# b\n0,1.5,2\n# c\n10,1.5,2.25\n#end\n', 'commas between cells, UTF-8'),
+        ('# a, b\nt_ms,r,y\n# b\n0,1.5,2\n10,1.5,2.25\n', 'commas between cells, UTF-8'),
         ('# t/ms r y\n  0.  1.5   2 \n 10. +1.5 225e-2\n', 'blanks between cells, UTF-8'),
         ('t|r|y\nms|rpm|rpm\n0|1.5|2\n10|1.5|2.25\n', 'bars between cells, UTF-8'),
         ('t [ms],r,y,\n0,1.5,2,\n10,1.5,2.25,\n', 'commas between cells, UTF-8'),
@@ -136,6 +140,8 @@ def test_a_last_row_that_was_cut_is_left_out_and_any_other_is_named(tmp_path: Pa
         ('t,y\n0,1\n5,2\n\n4,3\n3,3\n', 'line 5: t is before that of line 3, 5 s, .*; 1 more'),
         ('t,y\n0,1\n,2\n', "line 3: t = '' is no time"),
         ('t,y\n0,1\ninf,2\n', "line 3: t = 'inf' is no time"),
+        ('t,y\n-1e308,1\n1e308,2\n', "line 2: t = '-1e308' is no time"),
+        ('t [h],y\n0,1\n1e308,2\n', "line 3: t = '1e308' is no time"),
         ('t,y\n0,1\n1,x\n', "line 3: y = 'x' is no number"),
         ('t,y\n0,1\nt,y\n0,1\n', "line 3: t = 't' is no number"),
         ('t,y\n0,1\n1\n2,3\n', 'line 3: has not 2 cells as the others'),
@@ -156,6 +162,26 @@ def test_what_cannot_be_read_is_named_by_its_line(
     with pytest.raises(UserError, match=said) as caught:
         opened(tmp_path, text).series('1' if said.endswith('first') else 't', 'y')
     assert '\n' not in str(caught.value)
+
+
+def test_a_remark_above_two_columns_is_no_heading(tmp_path: Path) -> None:
+    assert opened(tmp_path, '# a\n0,1\n1,2\n').names == ('1', '2')
+    assert opened(tmp_path, '# a\nt,v\n# c\n0,1\n1,2\n').names == ('t', 'v')
+
+
+@pytest.mark.parametrize('cell', ['inf', '-inf', '1e400', '1e300', '-1e16'])
+def test_a_signal_refuses_what_it_cannot_be_by_its_line(cell: str, tmp_path: Path) -> None:
+    path = tmp_path / 'log.csv'
+    path.write_text(f't,v\n0,1\n# b\n1,{cell}\n2,\n3,0\n')
+    with pytest.raises(ScenarioError, match=r'line 4: 2 = .* must be within \+-1e\+15'):
+        load_column(str(path), {})
+
+
+def test_a_signal_refuses_rows_that_are_no_time_apart(tmp_path: Path) -> None:
+    path = tmp_path / 'log.csv'
+    path.write_text('0,1\n5e-324,1e14\n')
+    with pytest.raises(ScenarioError, match='line 2: 1 is less than 1e-09 s after that of line 1'):
+        load_column(str(path), {})
 
 
 def test_a_unit_that_does_not_exist_is_refused(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 import csv
 from io import StringIO
-from itertools import islice
+from itertools import islice, takewhile
 import re
 
 import attrs
@@ -92,13 +92,17 @@ def dialect_of(text: str) -> Dialect:
     counts = [sum(map(is_number, column)) for column in zip(*even)]
     numbers = [i for i, count in enumerate(counts) if count > 0.5 * max(counts)]
     first = next(i for i, (_, row) in enumerate(head) if _is_data(row, width, numbers))
-    above = [row for _, row in head[:first]]
-    if separator == ',' and above and width == 2 * len(above[-1]):
+    above = head[:first]
+    bare = rows(text, separator, comments=False)
+    plain = list(takewhile(lambda each: each[0] < head[first][0], bare))
+    last = len((plain or above)[-1][1]) if above else 0
+    if separator == ',' and last > 1 and width == 2 * last:
         raise UserError(
-            f'{len(above[-1])} names and {width} numbers in a row: commas between cells and '
-            'within numbers cannot be told apart'
+            f'{last} names and {width} numbers in a row: commas between cells and within numbers '
+            'cannot be told apart'
         )
-    names, units = _heading(above, width)
+    # a comment with fewer cells is a remark
+    names, units = _heading([e[1] for e in above if e in plain or len(e[1]) == width], width)
     body = [cell for _, row in head[first:] for cell in row if is_number(cell)]
     return Dialect(
         names=names if any(names) else tuple(str(k + 1) for k in range(width)),

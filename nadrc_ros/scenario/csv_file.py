@@ -13,6 +13,7 @@ from zlib import error
 
 import attrs
 from nadrc_ros.adrc.errors import did_you_mean, UserError
+from nadrc_ros.adrc.settings import LARGEST
 from nadrc_ros.scenario.csv_dialect import (
     decoded,
     Dialect,
@@ -45,6 +46,8 @@ class Series:
         Of the rows [s], (N,), as the file has it; it increases.
     columns
         Arrays (N,) by name, nan where a cell is empty.
+    lines
+        Of the file, from 1, where the rows are.
     cut
         Whether the last row was cut short, and so was left out.
     dated
@@ -54,6 +57,7 @@ class Series:
 
     time: Array
     columns: dict[str, Array]
+    lines: list[int]
     cut: bool
     dated: bool
 
@@ -105,7 +109,8 @@ class CsvFile:
             raise UserError('there are no rows of numbers')
         stamps, *values = (np.concatenate(part) for part in parts)
         _check_order(time, stamps, lines)
-        return Series(time=stamps, columns=dict(zip(columns, values)), cut=cut, dated=dated)
+        table = dict(zip(columns, values))
+        return Series(time=stamps, columns=table, lines=lines, cut=cut, dated=dated)
 
     def place(self, name: str) -> int:
         """Return the index of a column, from its name, with or without a unit, or its number."""
@@ -164,8 +169,9 @@ class CsvFile:
         if cells and _is_date(cells[0]):
             stamps = np.array([_seconds(name, *each) for each in zip(cells, lines)])
         else:
-            stamps = scale * self._numbers(name, cells, lines)
-        bad = np.flatnonzero(~np.isfinite(stamps))
+            with np.errstate(over='ignore'):
+                stamps = scale * self._numbers(name, cells, lines)
+        bad = np.flatnonzero(~(np.abs(stamps) <= LARGEST))
         if bad.size:
             raise UserError(f'line {lines[bad[0]]}: {name} = {cells[bad[0]]!r} is no time')
         return stamps

@@ -21,6 +21,8 @@ from nadrc_ros.simulation.signals.table import Table
 import numpy as np
 
 SIGNAL = Kind('', 'derivatives', 'signals')
+# Rows that are nearer in time [s] have no slope that can be counted with.
+SHORTEST = 1e-9
 # Files that are kept read: a sweep makes the same signals at every point.
 KEPT = 8
 
@@ -80,9 +82,21 @@ def _table(path: str, changed: int, size: int, wanted: CsvColumn) -> Table:
     """Read a column; what the file system says of the file tells one state of it from another."""
     series = open_csv(Path(path)).series(wanted.time, (wanted.column,), wanted.unit)
     values = series.columns[wanted.column]
-    there = np.abs(values) <= LARGEST  # an empty cell is nan
+    there = ~np.isnan(values)  # an empty cell is nan
     if not there.any():
         raise UserError(f'{wanted.column}: there is no number in it')
+    large = np.flatnonzero(np.abs(values) > LARGEST)
+    if large.size:
+        raise UserError(
+            f'line {series.lines[large[0]]}: {wanted.column} = {values[large[0]]:g} must be '
+            f'within +-{LARGEST:g}'
+        )
+    near = np.flatnonzero(np.diff(series.time) < SHORTEST)
+    if near.size:
+        raise UserError(
+            f'line {series.lines[near[0] + 1]}: {wanted.time} is less than {SHORTEST:g} s after '
+            f'that of line {series.lines[near[0]]}'
+        )
     times = series.time[there] - series.time[there][0] + wanted.start
     return Table(
         times=array('d', times),
