@@ -204,6 +204,13 @@ def test_lost_rows_are_filled_in_and_change_little(lag: RecordedRun) -> None:
     assert identify(log, 1).b0.value == pytest.approx(5.0, rel=0.02)
 
 
+def test_a_tenth_of_the_periods_may_have_been_missed(lag: RecordedRun) -> None:
+    kept = np.random.default_rng(1).random(len(lag.columns['time'])) > 0.08
+    missed = attrs.evolve(lag, columns={k: v[kept] for k, v in lag.columns.items()})
+    plant = identify(log_of(missed), 1)
+    assert plant.b0.low < 5.0 < plant.b0.high and plant.b0.value == pytest.approx(5.0, rel=0.05)
+
+
 def test_without_a_reference_there_is_a_result_and_a_doubt(lag: RecordedRun) -> None:
     unknown = with_columns(lag, reference=np.full(len(lag.columns['time']), nan))
     plant = identify(log_of(unknown), 1)
