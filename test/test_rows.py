@@ -9,6 +9,7 @@ import random
 
 from hypothesis import given
 from hypothesis import strategies as st
+from nadrc_ros.adrc.settings import LARGEST
 from nadrc_ros.records.figures import Figures, RunSettings
 from nadrc_ros.records.rows import Row, Rows
 from nadrc_ros.records.source import rows_of as columns_of
@@ -314,10 +315,21 @@ def test_the_peak_counts_the_row_of_the_settle_time_though_it_comes_a_little_ear
 
 
 def test_a_rate_makes_every_row_a_period_as_in_the_simulation() -> None:
-    found, same = Figures(RunSettings(rate=300.0)), Metrics(float('inf'))
+    settings = RunSettings(rate=300.0, command_max=LARGEST - 1.0)
+    found, same = Figures(settings), Metrics(float('inf'))
     for k in range(100):
         found.add(
             k / 300.0, {'reference': 0.1 * k, 'measurement': nan, 'output': 1.0, 'command': k}
         )
         same.add(k / 300.0, 1.0 / 300.0, 0.1 * k - 1.0, k)
     assert found.values() == same.values()
+
+
+def test_without_limits_nobody_knows_what_was_saturated() -> None:
+    row = {'reference': 1.0, 'measurement': 0.0, 'command': 1.0}
+    for settings, share in ((RunSettings(rate=1.0), None), (RunSettings(command_max=1.0), 1.0)):
+        found = Figures(settings)
+        for k in range(5):
+            found.add(float(k), row)
+        found.end()
+        assert found.values().as_dict()['saturated_fraction'] == share

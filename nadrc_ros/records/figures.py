@@ -47,6 +47,11 @@ class FigureSettings:
         live=False,
     )
 
+    @property
+    def knows_limits(self) -> bool:
+        """Tell whether a limit of the command is known."""
+        return (self.command_min, self.command_max) != (SMALLEST, LARGEST)
+
 
 @attrs.frozen(kw_only=True)
 class RunSettings(FigureSettings):
@@ -120,8 +125,9 @@ class Figures:
             self._passed += round(span / usual) - 1
 
     def values(self) -> MetricValues:
-        """Return the figures so far."""
-        return self._metrics.values()
+        """Return the figures so far; without known limits nobody knows what was saturated."""
+        found = self._metrics.values()
+        return found if self.settings.knows_limits else attrs.evolve(found, saturated_fraction=nan)
 
     @property
     def rate(self) -> float:

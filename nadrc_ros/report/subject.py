@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.records.figures import Figures, FigureSettings, RunSettings
+from nadrc_ros.records.figures import Figures, RunSettings
 from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recorded_run import OWN, read_run, RecordedRun
 from nadrc_ros.records.recording import (
@@ -26,7 +26,6 @@ from nadrc_ros.report.timeline import controller_settings, plant_gain, referred,
 from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 
-NO_LIMITS = FigureSettings()
 # Share of a bag that is not yet settled.
 START = 0.1
 
@@ -101,14 +100,6 @@ class Subject:
         return [name for name in names if np.isfinite(self.run.columns[name]).any()]
 
     @property
-    def knows_limits(self) -> bool:
-        """Tell whether the limits of the command were known to who computed the figures."""
-        return (self.figures.command_min, self.figures.command_max) != (
-            NO_LIMITS.command_min,
-            NO_LIMITS.command_max,
-        )
-
-    @property
     def is_folder(self) -> bool:
         """Tell whether a recorder of this package wrote it."""
         return (self.run.path / SETTINGS).is_file()
@@ -137,8 +128,6 @@ class Subject:
 
     def figure_of_merit(self, name: str) -> float | None:
         """Return one of the figures, None where the run does not tell it."""
-        if name == 'saturated_fraction' and not self.knows_limits:
-            return None
         value = float(getattr(self.metrics, name))
         return None if isnan(value) else value
 
