@@ -77,6 +77,14 @@ def read_yaml(text: str) -> Any:
         raise UserError('not YAML: ' + ' '.join(str(error).split())) from None
 
 
+def alias_line(text: str) -> int | None:
+    """Return the line of the first alias in a text that is YAML, None if it has none."""
+    for event in yaml.parse(text):
+        if isinstance(event, yaml.AliasEvent) and event.start_mark is not None:
+            return event.start_mark.line + 1
+    return None
+
+
 def write_yaml(data: Any) -> str:
     """Return ``data`` as YAML that reads back to the same, innermost collections on one line."""
     text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=99)

@@ -45,6 +45,9 @@ class LockstepSender(Sender):
                     said = f'{self.topic}: the last sample could not be sent ({error})'
                     self._node.get_logger().warning(said)
                     return
+                if not self._node.context.ok():
+                    self._node.fail(f'{self.topic}: the context was shut down')
+                    return
                 if time.monotonic() > end:
                     self._node.fail(f'{self.topic}: a reader does not keep up ({error})')
                     return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 import re
@@ -24,9 +24,10 @@ FOR_A_NODE = re.compile(r'([\w/]+):[^/=:][^=:]*:=')
 
 def refuse_malformed(arguments: Sequence[str]) -> None:
     """
-    Refuse a parameter file that is none, or that says something twice.
+    Refuse a parameter file that is none, or that says something twice or in what ROS cannot read.
 
-    ROS takes the last of two equal keys, and says of the rest only that parsing failed.
+    ROS takes the last of two equal keys, and says of the rest only that parsing failed: also of
+    aliases, and of lists in lists or of several types, in which 2 is no 2.0.
 
     Raises
     ------
@@ -116,13 +117,17 @@ def _node_keys(file: str) -> list[str]:
         What is wrong with the file.
 
     """
-    from nadrc_ros.yaml_text import read_yaml
+    from nadrc_ros.yaml_text import alias_line, read_yaml
 
     try:
-        tree = read_yaml(Path(file).read_text(encoding='utf-8'))
+        text = Path(file).read_text(encoding='utf-8')
+        tree = read_yaml(text)
         if tree is None or tree == {}:
             raise UserError('there are no parameters in it, it is empty')
-        return list(_keys(tree))
+        keys = list(_keys(tree))
+        if (line := alias_line(text)) is not None:
+            raise UserError(f'line {line}: ROS knows no aliases (*name): write out what is meant')
+        return keys
     except OSError as error:
         raise UserError(f'{file}: cannot be read: {error.strerror}') from None
     except UnicodeDecodeError as error:
@@ -139,9 +144,24 @@ def _keys(tree: Any, namespace: str = '') -> Iterator[str]:
         if key != VALUES:
             yield from _keys(value, f'{namespace}/{str(key).strip("/")}')
         elif isinstance(value, dict):
+            _refuse_odd_lists(value)
             yield namespace
         else:
             raise UserError(f'{VALUES} of {namespace} must be a mapping of names to values')
+
+
+def _refuse_odd_lists(values: Mapping[Any, Any], above: str = '') -> None:
+    for key, value in values.items():
+        name = f'{above}{key}'
+        if isinstance(value, dict):
+            _refuse_odd_lists(value, f'{name}.')
+        if not isinstance(value, list):
+            continue
+        kinds = {type(item) for item in value}
+        if kinds == {int, float}:
+            raise UserError(f'{name} = {value}: write all numbers with a decimal point')
+        if len(kinds) > 1 or kinds & {list, dict, type(None)}:
+            raise UserError(f'{name} = {value}: a list must have numbers, strings or flags only')
 
 
 def _means(key: str, full: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite, nan
+from math import isfinite
 import sys
 import time
 from typing import Any
@@ -92,6 +92,12 @@ class PlantNode(LiveNode):
     is L = y^(n) - b0 u at the start of that period, for the plant's own b0. Periods that the timer
     missed pass all the same, without a sample: no plant waits for a busy machine. A subclass may
     name a class of its own as ``plant_type``, instead of a registered one or a file.
+
+    Attributes
+    ----------
+    diverged
+        When [s] its state or output was not a number for the first time; None if it never was.
+
     """
 
     default_name = 'plant'
@@ -145,7 +151,7 @@ class PlantNode(LiveNode):
         self._age = 0.0
         self._commanded = False
         self._timed_out = False
-        self._diverged = False
+        self.diverged: float | None = None
         self._faults: list[str] = []
         self._keeps_up = True
         self._bad_commands = 0
@@ -266,22 +272,19 @@ class PlantNode(LiveNode):
         for i in range(periods):
             acting = self.process.act(command)
             if i == 0:
-                self._truth.send(self._total_disturbance(command, acting))
+                self._truth.send(self.process.total_disturbance(command, acting))
             finite = self.process.advance(acting)
-        if not finite and not self._diverged:
-            self._diverged = True
-            self.events.tell('diverged', 'the plant diverged', ERROR)
-            self.get_logger().error(
-                f'the plant diverged at t = {self.process.k / self.pacing.rate:.6g} s: '
-                'its output is not a number from here on'
-            )
+        self._note_divergence(finite)
 
-    def _total_disturbance(self, command: float, acting: float) -> float:
-        """Return the truth, nan where a user's plant has none: its integration then ends too."""
-        try:
-            return self.process.total_disturbance(command, acting)
-        except (OverflowError, ValueError):
-            return nan
+    def _note_divergence(self, finite: bool) -> None:
+        if finite or self.diverged is not None:
+            return
+        self.diverged = self.process.k / self.pacing.rate
+        self.events.tell('diverged', 'the plant diverged', ERROR)
+        self.get_logger().error(
+            f'the plant diverged at t = {self.diverged:.6g} s: '
+            'its output is not a number from here on'
+        )
 
     def _tell_faults(self) -> None:
         """Tell when a fault begins or ends, by itself or as it was asked to."""
@@ -293,7 +296,9 @@ class PlantNode(LiveNode):
         self._tell_faults()
         for sample in self.process.samples(self.process.measurement, still=not self._started):
             self._measurement.send(sample.value)
-        self._output.send(self.process.output)
+        output = self.process.output
+        self._note_divergence(isfinite(output))
+        self._output.send(output)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         values: dict[str, object] = {
@@ -303,7 +308,7 @@ class PlantNode(LiveNode):
         }
         if self.lockstep is None:
             values |= {'periods': self.ticker.periods, 'missed_periods': self.ticker.missed}
-        if self._diverged:
+        if self.diverged is not None:
             return ERROR, 'the plant diverged', values
         if self._timed_out:
             return WARN, 'no command: using the safe command', values

@@ -139,11 +139,16 @@ class RecorderNode(LiveNode):
     def _open_run(self) -> None:
         allowed = 'a folder, or where one can be made, to write to'
         with written_to('directory', self.settings.directory, allowed) as directory:
-            self.folder = RunFolder(directory, self._columns, self._run)
+            folder = RunFolder(directory, self._columns, self._run)
             self._begin = int(time.time())
-            write_about(self.folder.path, self._about())
-            for node, values in self._watch.known.items():
-                append_parameters(self.folder.path, None, node, values)
+            try:
+                write_about(folder.path, self._about())
+                for node, values in self._watch.known.items():
+                    append_parameters(folder.path, None, node, values)
+            except OSError:
+                folder.discard()
+                raise
+        self.folder = folder
         self.figures = Figures(self._run)
         self.recording = True
         self._notes: list[tuple[int, Note]] = []

@@ -11,6 +11,7 @@ from struct import Struct
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.diagnostics import OK
 from rclpy.duration import Duration
@@ -86,7 +87,7 @@ class Sender:
     def __init__(self, node: Node, topic: str, qos: QoSProfile = SEND) -> None:
         qos = copy.copy(qos)  # rclpy writes overrides into it
         self.publisher: Publisher = node.create_publisher(
-            Float64, topic, qos, qos_overriding_options=_overridable(topic, qos)
+            Float64, topic, qos, qos_overriding_options=_overridable(node, topic, qos, 'publisher')
         )
         self.topic: str = self.publisher.topic_name
         self.count = 0
@@ -140,7 +141,7 @@ def receive(
         call,
         qos,
         event_callbacks=SILENT,
-        qos_overriding_options=None if fixed else _overridable(topic, qos),
+        qos_overriding_options=(None if fixed else _overridable(node, topic, qos, 'subscription')),
         raw=True,
     )
     return heard
@@ -188,8 +189,14 @@ def reference_topics(settings: ControllerSettings) -> tuple[str, ...]:
     return REFERENCE_TOPICS[:count]
 
 
-def _overridable(topic: str, qos: QoSProfile) -> QoSOverridingOptions | None:
+def _overridable(
+    node: Node, topic: str, qos: QoSProfile, kind: str
+) -> QoSOverridingOptions | None:
     """Let YAML override the profile of the topics that join nodes; lockstep depends on its own."""
     if qos.history == HistoryPolicy.KEEP_ALL or topic.startswith('~'):
         return None
+    name = f'qos_overrides.{node.resolve_topic_name(topic)}.{kind}.depth'
+    given = node._parameter_overrides.get(name)
+    if given is not None and not (type(given.value) is int and 1 <= given.value < 2**31):
+        raise SettingError(name, given.value, 'an integer from 1 on')
     return QoSOverridingOptions.with_default_policies()

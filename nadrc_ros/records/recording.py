@@ -7,6 +7,7 @@ from datetime import datetime
 import json
 from math import isfinite, isnan, nan
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import attrs
@@ -75,16 +76,24 @@ class RunFolder:
     Raises
     ------
     OSError
-        When a folder or a file cannot be made, or the disk is full.
+        When a folder or a file cannot be made, or the disk is full; nothing is left then.
 
     """
 
     def __init__(self, directory: Path, columns: Sequence[str], settings: RunSettings) -> None:
         self.path = _new_folder(directory)
-        write_json(self.path / SETTINGS, attrs.asdict(settings))
-        self._file = (self.path / SAMPLES).open('x', encoding='utf-8')
-        self._file.write(','.join(columns) + '\n')
-        self.flush()
+        try:
+            write_json(self.path / SETTINGS, attrs.asdict(settings))
+            self._file = (self.path / SAMPLES).open('x', encoding='utf-8')
+            self._file.write(','.join(columns) + '\n')
+            self.flush()
+        except OSError:
+            self.discard()
+            raise
+
+    def discard(self) -> None:
+        """Remove a folder in which no run could begin."""
+        rmtree(self.path, ignore_errors=True)
 
     def write(self, row: Sequence[float]) -> None:
         """Append one row; what is not known (nan) is left empty. Numbers read back to the bit."""

@@ -21,6 +21,8 @@ SLOPES = 4
 WORK_ROWS = SLOPES + 1
 MAX_SUBSTEPS = 10_000
 REACH = 0.25
+# Beyond it a state has run away: its powers overflow, and functions of them are not defined.
+FAR = 1e30
 
 Derivative = Callable[[Any, float, Vector, float, float, MutableVector], None]
 Derivatives = Callable[[Any, float, MutableVector], None]
@@ -117,7 +119,7 @@ class Integrator:
         """
         Write x(t + h) into ``out`` and return True, or not-a-number and False if it diverged.
 
-        A plant that runs away makes ``math.sin`` and the like raise; that counts as diverged too.
+        Whatever else a plant or a signal of the user's raises passes: see :func:`ran_away`.
         """
         try:
             self._disturbances(self.disturbance, t, self._w)
@@ -137,12 +139,29 @@ class Integrator:
                 out,
             )
             finite = all(isfinite(out[i]) for i in range(len(out)))
-        except (OverflowError, ValueError):
+        except (OverflowError, ValueError) as error:
+            if not ran_away(error, x, out, self._work[SLOPES]):
+                raise
             finite = False
         if not finite:
             for i in range(len(out)):
                 out[i] = float('nan')
         return finite
+
+
+def ran_away(error: Exception, *states: Vector) -> bool:
+    """
+    Tell whether a plant at these states raises since it diverges, not for a fault in its code.
+
+    ``math.sin`` and the like raise a ``ValueError`` for what is not finite, and a power one for
+    what is too large. Compiled they would return what is not finite. A ``ValueError`` at
+    a moderate state has another cause, and is for its author.
+    """
+    if isinstance(error, OverflowError):
+        return True
+    return isinstance(error, ValueError) and not all(
+        abs(x[i]) < FAR for x in states for i in range(len(x))
+    )
 
 
 def fastest_rate(plant: Plant) -> float:

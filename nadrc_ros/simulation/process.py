@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from math import nan
+
 from nadrc_ros.simulation.faults import Faults, Injector, Sample
-from nadrc_ros.simulation.integrate import Integrator, substeps_for
+from nadrc_ros.simulation.integrate import Integrator, ran_away, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.plants import Plant, total_disturbance
 from nadrc_ros.simulation.signals import Signal
@@ -100,13 +102,18 @@ class Process:
         """
         Return L(t_k) = y^(n) - b0 u for the plant's nominal b0 and the ``command`` u from t_k on.
 
-        ``acting`` is what the actuator makes of it.
+        ``acting`` is what the actuator makes of it. A plant that ran away may have none: nan.
         """
         t, b0 = self.k / self.rate, self.plant.b0
         self.disturbance.derivatives(t, self._w)
-        unexplained = total_disturbance(
-            self.plant, b0, t, self.state, acting, self._w[0], self._derivative
-        )
+        try:
+            unexplained = total_disturbance(
+                self.plant, b0, t, self.state, acting, self._w[0], self._derivative
+            )
+        except (OverflowError, ValueError) as error:
+            if not ran_away(error, self.state):
+                raise
+            return nan
         return unexplained if acting == command else unexplained + b0 * (acting - command)
 
     def samples(self, measurement: float, *, still: bool = False) -> list[Sample]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, ExitStack
 from itertools import count
+from numbers import Real
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
@@ -15,6 +16,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.domain import private_domain
 from nadrc_ros.nodes.graph import command_timeout, node_parameters, pacing, recorder_parameters
+from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
@@ -31,7 +33,10 @@ AnyExecutor: TypeAlias = Callable[..., Executor] | Executor
 MOST_PERIODS = 1e9
 # What all nodes of a loop have in common.
 PACING = ('rate', 'pacing', 'steps', 'readers')
+A_PLANT = 'a class with a method derivative, the name of a registered plant, or a file'
 _names = count(1)
+# Domains and namespaces of the loops that there are.
+_taken: set[tuple[int, str]] = set()
 
 
 @contextmanager
@@ -85,7 +90,7 @@ def loop(
     signal = dict(reference) if isinstance(reference, Mapping) else {'signal': str(reference)}
     for name, parameters in (('plant', values), ('controller', given), ('reference', signal)):
         _refuse_pacing(name, parameters)
-    rate = float(rate)
+    rate, duration = _number('rate', rate), _number('duration', duration)
     if not 0.5 < rate * duration < MOST_PERIODS:
         allowed = f'from one period of {rate:g} Hz to {MOST_PERIODS:g} of them'
         raise SettingError('duration', duration, allowed)
@@ -94,12 +99,14 @@ def loop(
     cls = PlantNode
     named = values.get('plant')
     if isinstance(named, type):
+        if not callable(getattr(named, 'derivative', None)):
+            raise SettingError('plant', named.__name__, A_PLANT)
         cls = _node_of(named)
         del values['plant']
     elif isinstance(named, (str, Path)):
         values['plant'] = str(named)
     elif 'plant' in values:
-        raise SettingError('plant', named, 'a class, the name of a registered plant, or a file')
+        raise SettingError('plant', named, A_PLANT)
     with _Maker(executor, namespace, directory) as make:
         # Who reads what a plant sends does not depend on the controller.
         paced = pacing('plant', ControllerSettings(), rate, steps)
@@ -108,9 +115,9 @@ def loop(
         given = {'plant_order': model.order, 'b0': float(model.b0), **given}
         known = {name: given[name] for name in declared(ControllerSettings) if name in given}
         settings = build(ControllerSettings, known)
-        enable = given.setdefault('enabled_at_start', True)
-        if not lockstep:
-            given['enabled_at_start'] = False
+        asked = {'enabled_at_start': given.get('enabled_at_start', True)}
+        enable = build(LoopSettings, asked).enabled_at_start
+        given['enabled_at_start'] = enable and lockstep
         recorder = recorder_parameters(settings, make.directory, 0.0 if lockstep else duration)
         recorder['settle_time'] = min(0.1 * duration, (periods - 1) / rate)
         for name, kind, parameters in (
@@ -158,16 +165,27 @@ class _Maker(ExitStack):
         self.directory = Path(directory or self.enter_context(TemporaryDirectory()))
 
     def __enter__(self) -> _Maker:
-        if not callable(self._given):
+        if callable(self._given):
+            private_domain()
+            context = Context()
+            init_ros([], context)
+            self.callback(context.try_shutdown)
+            self._executor = self._given(context=context)
+            self.callback(self._executor.shutdown, timeout_sec=0.0)
+        else:
             self._executor = self._given
-            return self
-        private_domain()
-        context = Context()
-        init_ros([], context)
-        self.callback(context.try_shutdown)
-        self._executor = self._given(context=context)
-        self.callback(self._executor.shutdown, timeout_sec=0.0)
+        self._take()
         return self
+
+    def _take(self) -> None:
+        """Refuse the namespace of a loop that is there: each would hear the other's samples."""
+        place = self._executor.context.get_domain_id(), self._namespace.strip('/')
+        if place in _taken:
+            self.close()
+            allowed = 'one that no other loop of this process has; left out, it is'
+            raise SettingError('namespace', self._namespace, allowed)
+        _taken.add(place)
+        self.callback(_taken.remove, place)
 
     def node(self, kind: type[LiveNode], parameters: Parameters) -> Any:
         """Make a node; should the next ones fail, it goes again."""
@@ -195,6 +213,12 @@ def _refuse_pacing(name: str, parameters: Parameters) -> None:
         if key in parameters:
             allowed = 'left out: rate, duration and lockstep of the loop are for all its nodes'
             raise SettingError(f'{name}.{key}', parameters[key], allowed)
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise SettingError(name, value, 'a number')
+    return float(value)
 
 
 def _node_of(plant: type[Any]) -> type[PlantNode]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from math import inf, isfinite
+from numbers import Real
+from pathlib import Path
 import time
 from typing import Any
 
@@ -23,7 +25,7 @@ from nadrc_ros.report.timeline import referred
 from nadrc_ros.simulation.experiment import Result, Retune
 from nadrc_ros.simulation.periods import first_period
 import numpy as np
-from rclpy.executors import Executor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -31,6 +33,7 @@ from rclpy.task import Future
 LOOK = 0.005
 # A condition of the graph is waited for so long [s], and the loop so much longer than it runs.
 PATIENCE = 30.0
+SHUT_DOWN = 'the context of the loop was shut down'
 
 
 def spin_until(
@@ -101,6 +104,7 @@ class RunningLoop:
         }
         self._retunes = sorted(retunes, key=lambda retune: retune.time)
         self._others: list[Node] = []
+        self._closed = False
         # Gains b0 of plant and controller, with the times [s] from which they held.
         self._gains: list[list[tuple[float, float]]] = [[], []]
         self._note_gains()
@@ -130,9 +134,10 @@ class RunningLoop:
         TimeoutError
             When it does not hold within ``timeout`` [s] of this machine's time.
         GraphError
-            When a node fails.
+            When a node fails, the context was shut down, or the loop has ended.
 
         """
+        self._refuse_ended()
 
         def look() -> Any:
             self._excuse()
@@ -155,6 +160,9 @@ class RunningLoop:
             When the loop does not get there.
 
         """
+        self._refuse_ended()
+        if not isinstance(time, Real):
+            raise SettingError('time', time, 'a number of seconds')
         begin = self.time - 1.0 / self.rate if self._locked else -inf
         if not begin < time <= self.duration:
             raise SettingError('time', time, f'from {self.time:g}, now, to {self.duration:g} s')
@@ -165,9 +173,25 @@ class RunningLoop:
         self._go_to(first_period(time, self.rate))
 
     def finish(self) -> Result:
-        """Run to the end, and return what was recorded."""
+        """
+        Run to the end, and return what was recorded.
+
+        Raises
+        ------
+        UserError
+            When the plant diverged: the figures of merit are of the time before, and look good.
+            ``run_until(duration)`` and :meth:`result` give what was recorded all the same.
+        TimeoutError, GraphError
+            When the loop does not get there.
+
+        """
         self.run_until(self.duration)
         self.wait_until(lambda: self._locked or not self.recorder.recording)
+        if self.plant.diverged is not None:
+            raise UserError(
+                f'{self.plant.get_fully_qualified_name()}: the plant diverged at t = '
+                f'{self.plant.diverged:.6g} s; the figures of result() are of the time before'
+            )
         return self.result()
 
     def change(
@@ -185,6 +209,7 @@ class RunningLoop:
             there is not.
 
         """
+        self._refuse_ended()
         parameters = overrides({**(values or {}), **more})
         if node not in self._nodes:
             raise UserError(f'there is no node {node}: {did_you_mean(node, self._nodes)}')
@@ -199,9 +224,7 @@ class RunningLoop:
 
         Rows are by sample of the measurement: in real time a sample that got lost has none.
         """
-        if self.recorder.recording:
-            self.recorder.flush()
-        columns = {k: np.array(v) for k, v in read_samples(self.recorder.folder.path).items()}
+        columns = {k: np.array(v) for k, v in read_samples(self._written()).items()}
         levels = sorted((k for k in columns if k.startswith('level_')), key=lambda k: int(k[6:]))
         disturbances = np.column_stack([columns.pop(level) for level in levels])
         for stamp in [name for name in columns if name.endswith('_stamp')]:
@@ -220,9 +243,7 @@ class RunningLoop:
 
     def events(self) -> list[Event]:
         """Return what happened so far: changes of mode, refused parameters, gaps, with times."""
-        if self.recorder.recording:
-            self.recorder.flush()
-        return read_history(self.recorder.folder.path).events
+        return read_history(self._written()).events
 
     def start(self, *, enable: bool) -> None:
         """Wait until every topic of the loop has its readers, and close the loop."""
@@ -239,6 +260,7 @@ class RunningLoop:
 
     def close(self) -> None:
         """Send the safe command, end the recording, and take all nodes from the executor."""
+        self._closed = True
         last = [node for node in self._nodes.values() if node is not self.controller]
         for node in (self.controller, *last):
             node.close()
@@ -249,12 +271,31 @@ class RunningLoop:
 
     def _wait(self, condition: Callable[[], Any], timeout: float, done: Future | None) -> Any:
         def look() -> Any:
+            self._refuse_ended()
             for node in self._nodes.values():
                 if node.failure:
                     raise GraphError(f'{node.get_fully_qualified_name()}: {node.failure}')
             return condition()
 
-        return spin_until(self.executor, look, timeout, done)
+        try:
+            return spin_until(self.executor, look, timeout, done)
+        except ExternalShutdownException:
+            raise GraphError(SHUT_DOWN) from None
+
+    def _refuse_ended(self) -> None:
+        if self._closed:
+            raise GraphError('the loop has ended: ask it inside of its `with` block')
+        if not self.executor.context.ok():
+            raise GraphError(SHUT_DOWN)
+
+    def _written(self) -> Path:
+        """Return the folder of the run, with all in it that is known so far."""
+        folder = self.recorder.folder.path
+        if self._closed and not folder.exists():
+            self._refuse_ended()
+        if self.recorder.recording:
+            self.recorder.flush()
+        return folder
 
     def _excuse(self) -> None:
         """Blame nobody for the time in which the loop stood still, or the caller kept us."""

@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 import resource
 import signal
+import subprocess
+import sys
 from typing import Any
 
 from feed import Feed, INPUTS, PERIOD
@@ -270,6 +272,26 @@ def test_a_run_without_a_row_has_no_figures_and_is_told(probe: Probe, start: Pro
     found = json.loads((folder / SUMMARY).read_text())
     assert found['rows'] == 0 and found['metrics']['itae'] is None is found['metrics']['rmse']
     assert 'no row was recorded: nothing came of reference, measurement, command' in recorder.said
+
+
+@pytest.mark.parametrize('room', [0, 150, 200])
+def test_a_recorder_that_finds_the_disk_full_leaves_no_folder(room: int, tmp_path: Path) -> None:
+    code = (
+        'import resource, signal, sys; from nadrc_ros.nodes.recorder import main; '
+        'signal.signal(signal.SIGXFSZ, signal.SIG_IGN); '
+        f'resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room})); sys.exit(main())'
+    )
+    arguments = ['--ros-args', '-p', f'directory:={tmp_path}', '--disable-external-lib-logs']
+    done = subprocess.run(
+        [sys.executable, '-c', code, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=20.0,
+        check=False,
+    )
+    assert done.returncode == 1 and 'cannot start: ' in done.stderr
+    assert 'File too large' in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_full_disk_is_reported_and_ends_only_the_recorder(
