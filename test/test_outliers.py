@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bench.other_plants import CASES
 from hypothesis import given, settings, strategies
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
 from nadrc_ros.records.outliers import outliers
+from nadrc_ros.tuning.identification.cause import seems_swapped
+from nadrc_ros.tuning.identification.log import log_of
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -76,3 +80,18 @@ def test_a_log_of_many_wrong_rows_is_refused(tmp_path: Path) -> None:
     y[::11] = 65535.0
     code, said = identified(tmp_path, y, COMMAND)
     assert code == 1 and '9 % of the measurements are lost' in said
+
+
+@pytest.mark.parametrize('noise', [0.0, 1e-3])
+def test_columns_that_are_swapped_are_doubted(noise: float, tmp_path: Path) -> None:
+    _, said = identified(tmp_path, COMMAND, measured(noise), '--order', '1')
+    assert 'are command and measurement swapped?' in said
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_no_log_of_the_bench_seems_swapped(name: str) -> None:
+    try:
+        log = log_of(CASES[name].log(seed=0))
+    except UserError:
+        return
+    assert not seems_swapped(log)

@@ -93,6 +93,7 @@ def identify(
             parameter_text,
         )
         from nadrc_ros.tuning.identification.advice import advise, rounded, running_controller
+        from nadrc_ros.tuning.identification.cause import seems_swapped, SWAPPED
         from nadrc_ros.tuning.identification.identify import identify as find
         from nadrc_ros.tuning.identification.log import log_of
         from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
@@ -117,6 +118,8 @@ def identify(
                 + ('' if every else '; --every 1 uses all of them')
             )
         log = log_of(thin)
+        if seems_swapped(log):
+            complain(f'{run}: {SWAPPED}')
         with working(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
