@@ -104,7 +104,9 @@ class MetricValues:
         found = attrs.asdict(self)
         return {
             # sums of nothing are 0, which is the best that a figure can be
-            name: None if isnan(value) or not (self.samples or name in COUNTS) else value
+            name: None
+            if not (self.samples or name in COUNTS) or (isinstance(value, float) and isnan(value))
+            else value
             for name, value in found.items()
         }
 
