@@ -17,8 +17,7 @@ typedef struct {
     double frequency;         /* of the reference cos(frequency t) */
     double decay, pulsation;  /* of the disturbance exp(-decay t) cos(pulsation t) */
     double k0, k1;            /* feedback gains */
-    double fading, brief;     /* of the two offsets of a bumpless start, in one period */
-    double share;             /* of the smoothing of what is usual before it */
+    double fading;            /* of the offset of a bumpless start, in one period */
     double low, high;         /* limits of the command */
     double gains[K][N];       /* of the current observers */
 } Loop;
@@ -73,7 +72,7 @@ static void observe(const Loop *p, double z[K][N], double y, double u, double h)
 void run(const Loop *p, int steps, int substeps, const double *noise, double *x, double *sums,
          double *left, double *rows)
 {
-    double z[K][N] = {{0.0}}, h = 1.0 / p->rate, u = 0.0, offset = 0.0, noisy = 0.0;
+    double z[K][N] = {{0.0}}, h = 1.0 / p->rate, u = 0.0, offset = 0.0;
     for (int k = 0; k < steps; k++) {
         double t = k / p->rate, angle = p->frequency * t;
         double r = cos(angle), rate = -p->frequency * sin(angle);
@@ -85,14 +84,10 @@ void run(const Loop *p, int steps, int substeps, const double *noise, double *x,
         double v = acceleration + p->k0 * (r - z[0][0]) + p->k1 * (rate - z[0][1]);
         double raw = (v - z[1][2] - z[0][2]) / p->b0;
         if (k == 0) { /* bumpless: the first command is the one before */
-            double rest = p->k0 * (r - measured) / p->b0;
-            double once = rest + (raw - rest) * p->share, twice = rest + (once - rest) * p->share;
-            noisy = 2.0 * once - twice - raw;
-            offset = u - (raw + noisy);
+            offset = u - raw;
         } else {
             offset *= p->fading;
-            noisy *= p->brief;
-            raw += offset + noisy;
+            raw += offset;
             u = raw > p->high ? p->high : raw < p->low ? p->low : raw;
             if ((raw - u) * offset > 0.0)
                 offset -= copysign(fmin(fabs(raw - u), fabs(offset)), offset);

@@ -143,10 +143,7 @@ class Constants(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_double) for name in ('rate', 'settle_time', 'a1', 'a2', 'a3', 'b0')),
         *((name, ctypes.c_double) for name in ('frequency', 'decay', 'pulsation')),
-        *(
-            (name, ctypes.c_double)
-            for name in ('k0', 'k1', 'fading', 'brief', 'share', 'low', 'high')
-        ),
+        *((name, ctypes.c_double) for name in ('k0', 'k1', 'fading', 'low', 'high')),
         ('gains', ctypes.c_double * 6),
     ]
 
@@ -167,8 +164,6 @@ def constants(experiment: Experiment) -> Constants:
         DISTURBANCE.frequency,
         *design.feedback_gains,
         exp(-BANDWIDTH * h),
-        exp(-design.bandwidths[0] * h),
-        BANDWIDTH * h / (1.0 + BANDWIDTH * h),
         -LIMIT,
         LIMIT,
         (ctypes.c_double * 6)(*scratch[0], *scratch[1]),

@@ -283,3 +283,25 @@ def test_a_moving_reference_without_derivatives_is_followed_if_the_error_is_obse
             y += 0.0005 * v
         worst = max(worst, abs(0.5 * sin(pi * 0.005 * (k + 1)) - y)) if k > 800 else worst
     assert (worst < off) == error_based
+
+
+def test_p11_to_have_waited_disabled_changes_nothing_of_the_start() -> None:
+    """
+    On the graph a controller waits at the plant's rest, in a simulation it begins with the sample.
+
+    What a moving reference asks for at once has to fade alike, or both would differ from then on.
+    """
+    settings = ControllerSettings(
+        plant_order=3, b0=2.0, inner_bandwidth=20.0, controller_bandwidth=3.0
+    )
+    reference = [0.0, 0.5, 0.0]
+    waited = Controller(settings, enabled=False)
+    for _ in range(400):
+        waited.tick(0.0, 0.005, reference=reference)
+    waited.enabled = True
+    fresh = Controller(settings, checked=True)
+    for k in range(200):
+        y = 1e-3 * k * 0.005
+        commands = [c.tick(y, 0.005, reference=reference) for c in (waited, fresh)]
+        assert commands[0] == pytest.approx(commands[1], abs=1e-9)
+    assert abs(commands[0]) > 0.1

@@ -217,8 +217,10 @@ def step(
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(design, state, reference, measurement, applied, out)
-    share = design.controller_bandwidth * dt
-    share /= 1.0 + share
+    share = 1.0
+    if state.risen[0] > 0.0:  # at the first step of all nothing was usual before
+        share = design.controller_bandwidth * dt
+        share /= 1.0 + share
     once, twice = state.usual[0], state.usual[1]
     once += (raw - out.offset[0] - out.offset[1] - once) * share
     out.usual[0] = once
