@@ -156,6 +156,7 @@ class PlantNode(LiveNode):
         self._keeps_up = True
         self._bad_commands = 0
         self._timeouts = 0
+        self._newest = 0
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
             self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
@@ -295,7 +296,10 @@ class PlantNode(LiveNode):
     def _send_sample(self) -> None:
         self._tell_faults()
         for sample in self.process.samples(self.process.measurement, still=not self._started):
-            self._measurement.send(sample.value)
+            # One that a newer one has overtaken reaches no reader: the middleware drops it.
+            if sample.number >= self._newest:
+                self._newest = sample.number
+                self._measurement.send(sample.value)
         output = self.process.output
         self._note_divergence(isfinite(output))
         self._output.send(output)
