@@ -335,5 +335,5 @@ def test_help_has_an_example() -> None:
 
 
 def test_a_sweep_is_no_scenario_and_that_is_said(file: Path) -> None:
-    with pytest.raises(ValueError, match='there is no such key'):
+    with pytest.raises(ValueError, match='this is a sweep, not a scenario: nadrc sweep runs it'):
         load(file)

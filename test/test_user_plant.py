@@ -168,7 +168,7 @@ def test_what_is_imported_or_a_protocol_is_no_candidate(plant_file: Path) -> Non
 
 @pytest.mark.parametrize('source', [PLAIN, DATACLASS, ATTRS], ids=['plain', 'dataclass', 'attrs'])
 def test_coefficients_are_checked(plant_file: Path, source: str) -> None:
-    assert 'plant.a3: there is no such key; did you mean a1? there are a1, a2' in refused(
+    assert 'plant.a3: there is no such key; did you mean a2? there are a1, a2' in refused(
         plant_file, source, a1=1, a3=1
     )
     for value in ({'x': 1}, float('inf'), [1, [2]], None, [1, 'a']):

@@ -188,7 +188,10 @@ def test_any_signal_may_be_noise_and_none_is_as_before(folder: Path) -> None:
         ({'file': 'my_plant.py'}, 'a class with a method derivatives'),
         ({'file': 'nothing.py'}, 'No such file'),
         ({'file': 'my_signals.py', 'class': 'Filter'}, "reference.class = 'Filter'"),
-        ({'file': 'my_signals.py', 'class': 'Filtered', 'sped': 1}, 'reference.sped = 1'),
+        (
+            {'file': 'my_signals.py', 'class': 'Filtered', 'sped': 1},
+            'reference.sped: there is no such key; did you mean speed?',
+        ),
         ({'signal': 'step', 'class': 'Filtered'}, 'reference.class'),
         ({'signal': 'step', 'csv': 'log.csv'}, 'reference needs either a signal'),
         ({'csv': 'log.csv', 'column': 'nois'}, "there is no column 'nois'"),

@@ -20,7 +20,7 @@ from typing import Any
 from zlib import crc32
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.scenario.errors import ScenarioError
 
@@ -157,10 +157,10 @@ def construct(kind: Kind, cls: type[Any], values: Mapping[str, Any]) -> Any:
     taken = inspect.signature(cls).parameters
     others = any(p.kind is p.VAR_KEYWORD for p in taken.values())
     named = [p for p in taken.values() if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)]
-    allowed = ', '.join(p.name for p in named) or 'none'
+    names = [p.name for p in named]
     for key, value in values.items():
-        if not others and key not in [p.name for p in named]:
-            raise SettingError(kind.path(key), value, f'left out: allowed keys are {allowed}')
+        if not others and key not in names:
+            raise UnknownName(kind.path(key), value, did_you_mean(key, names))
         if not _is_plain(value):
             raise SettingError(
                 kind.path(key), value, 'a finite number, a string, true or false, or a list of one'
