@@ -158,7 +158,7 @@ def test_simulated_time_that_stands_still_is_an_error(make_probe: Callable[..., 
     probe.wait_until(running)
 
 
-def test_a_plant_of_ones_own_that_leaves_its_domain_is_told_and_goes_on(
+def test_a_plant_of_ones_own_that_ran_away_is_told_and_goes_on(
     make_probe: Callable[..., Probe], tmp_path: Path
 ) -> None:
     file = tmp_path / 'tank.py'
@@ -174,7 +174,7 @@ def test_a_plant_of_ones_own_that_leaves_its_domain_is_told_and_goes_on(
     tank = {'rate': 100.0, 'plant': str(file), 'initial_state': [1.0], 'start': 'at_once'}
     probe = make_probe(parameters={'plant': tank | {'command_timeout': 0.0}})
     plant = probe.add(PlantNode())
-    plant.process.state[0] = 9.5  # as after a step no stage of which was outside
+    plant.process.state[0] = 1e31  # far out, where what its code raises is no fault of that
     probe.wait_until(lambda: probe.said('plant') and probe.said('plant')[-1][0] == ERROR)
     assert probe.said('plant')[-1][1] == 'the plant diverged'
     k = plant.process.k
