@@ -54,7 +54,7 @@ test: build $(VENV)/dev ## run all tests (ARGS='-k observer' selects)
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	[ "$$n" -le $(MIN_TESTS) ] || echo "make: there are $$n tests by now: let the Makefile say MIN_TESTS := $$n"
-	python -m pytest -n 4 --dist worksteal test/ros examples # on their own; they wait most of the time
+	python -m pytest -n 3 --dist worksteal test/ros examples # on their own; they wait most of the time
 
 soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repeats those of that run)
 	@$(ACTIVATE)

@@ -313,6 +313,10 @@ def test_p15_killed_the_controller_leaves_the_plant_at_its_safe_command(
     probe = make_probe(parameters={'plant': decaying})
     plant = probe.add(PlantNode())
     controller = start('controller', **CONTROL, controller_bandwidth=10.0)
+    # The safe command may reach the plant before the controller hears of it, and let it decay.
+    reference = probe.publisher('reference')
+    probe.wait_until(lambda: probe.readers('reference'))
+    reference(3.0)
     probe.wait_until(lambda: plant.process.k > 100 and abs(plant.process.output - 3.0) < 0.5)
     controller.signal(signal.SIGKILL)
     assert controller.end() == -signal.SIGKILL
