@@ -128,13 +128,13 @@ class InputWatch:
                 return 'nobody publishes it', each.silence
             return f'nobody publishes it{like}', OK if each.silence is None else WARN
         silence.searched = -inf
-        names = ', '.join(sorted({publisher_name(info) for info in publishers}))
+        names = ', '.join(sorted({node_of(info) for info in publishers}))
         types = sorted({info.topic_type for info in publishers})
         if FLOAT64 not in types:
             return f'{names} publishes it as {", ".join(types)}, and {FLOAT64} is needed', WARN
         unheard = [info for info in publishers if not _fits(info.qos_profile, each.qos)]
         if unheard:
-            names = ', '.join(sorted({publisher_name(info) for info in unheard}))
+            names = ', '.join(sorted({node_of(info) for info in unheard}))
             remedy = f'-p qos_overrides.{each.topic}.subscription.reliability:=best_effort'
             return f'{names} publishes it as best effort, heard only with {remedy}', WARN
         return f'{names} publishes it, and sends nothing', each.silence
@@ -177,9 +177,7 @@ class InputWatch:
             for name, types in node.get_topic_names_and_types()
             if name not in own and is_free(name) and not node.count_subscribers(name)
         }
-        last = topic.rpartition('/')[2]
-        same = [name for name in there if name.rpartition('/')[2] == last]
-        for name in get_close_matches(topic, there, n=1, cutoff=CLOSE) or same[:1]:
+        for name in meant(topic, list(there)):
             names = ', '.join(self._publishers(name))
             return (
                 f', but {names} publishes {name} as {", ".join(there[name])}: '
@@ -188,10 +186,17 @@ class InputWatch:
         return ''
 
     def _publishers(self, topic: str) -> list[str]:
-        return [publisher_name(p) for p in self._node.get_publishers_info_by_topic(topic)]
+        return [node_of(p) for p in self._node.get_publishers_info_by_topic(topic)]
 
 
-def publisher_name(info: TopicEndpointInfo) -> str:
+def meant(topic: str, there: Sequence[str]) -> list[str]:
+    """Return the topic that may be meant, if any: one that is close, or has the same last part."""
+    last = topic.rpartition('/')[2]
+    same = [name for name in there if name.rpartition('/')[2] == last]
+    return get_close_matches(topic, there, n=1, cutoff=CLOSE) or same[:1]
+
+
+def node_of(info: TopicEndpointInfo) -> str:
     """Return the full name of the node that has an endpoint."""
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 

@@ -7,7 +7,7 @@ from math import inf
 import time
 
 from nadrc_ros.nodes.diagnostics import ERROR, OK
-from nadrc_ros.nodes.inputs import publisher_name
+from nadrc_ros.nodes.inputs import node_of
 from nadrc_ros.nodes.runtime import LiveNode
 from nadrc_ros.nodes.topics import Info, Input, receive, Sender
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -180,7 +180,7 @@ class Rivals:
 
     def _others(self) -> list[str]:
         there = self._node.get_publishers_info_by_topic(self._sender.topic)
-        names = sorted(map(publisher_name, there))
+        names = sorted(map(node_of, there))
         own = self._node.get_fully_qualified_name()
         if own in names:
             names.remove(own)

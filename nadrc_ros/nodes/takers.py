@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes.inputs import CLOSE, publisher_name
+from nadrc_ros.nodes.inputs import meant, node_of
 from nadrc_ros.nodes.remarks import Remarks
 from nadrc_ros.nodes.topics import FLOAT64, Sender
 from rclpy.node import Node
@@ -54,7 +52,7 @@ class Takers:
     def _readers(self, topic: str) -> list[str]:
         """Return who subscribes, but for us, who listen for others that command."""
         there = self._node.get_subscriptions_info_by_topic(topic)
-        return sorted({publisher_name(p) for p in there} - {self._node.get_fully_qualified_name()})
+        return sorted({node_of(p) for p in there} - {self._node.get_fully_qualified_name()})
 
     def _search(self) -> str:
         """Return which topic may be meant: one that is read, and that nobody publishes."""
@@ -64,9 +62,7 @@ class Takers:
             for name, types in node.get_topic_names_and_types()
             if FLOAT64 in types and not node.count_publishers(name) and self._readers(name)
         ]
-        last = self._topic.rpartition('/')[2]
-        same = [name for name in free if name.rpartition('/')[2] == last]
-        for name in get_close_matches(self._topic, free, n=1, cutoff=CLOSE) or same[:1]:
+        for name in meant(self._topic, free):
             readers = ', '.join(self._readers(name))
             return f', but {readers} subscribes to {name}: did you mean to remap?'
         return ''
