@@ -101,7 +101,7 @@ setup(
         ],
     },
     entry_points={
-        'console_scripts': [f'{PREFIX}{node} = {NAME}.nodes.command_line:{node}' for node in NODES]
-        + [f'nadrc = {NAME}.cli:main'],
+        'console_scripts': [f'{PREFIX}{node} = {NAME}.nodes.executables:{node}' for node in NODES]
+        + [f'nadrc = {NAME}.cli.__main__:main'],
     },
 )

@@ -8,7 +8,7 @@ under a load, which moves by 2 in 4.5 s; the fault begins in mid-motion. An erro
 to the same controller's run without the fault, so that nobody is charged for lag or noise.
 
 One LESO of this package and pyadrc are the same law with the same bandwidths and limits.
-simple-pid has the gains of the PID controller that this law is (nadrc_ros.adrc.theory.pid), but
+simple-pid has the gains of the PID controller that this law is (nadrc_ros.theory.pid), but
 not its filter, and no rate limit. The actuator is kind to all: it clips a command out of range and
 goes on with the last one when sent a number that is none.
 
@@ -30,13 +30,13 @@ from bench.results import FOLDER
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.pid import equivalent_pid
 from nadrc_ros.simulation.faults import Faults, Injector, MeasurementFault
 from nadrc_ros.simulation.integrate import Integrator
 from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.simulation.signals.trapezoid import Trapezoid
 from nadrc_ros.simulation.vector import MutableVector
+from nadrc_ros.theory.pid import equivalent_pid
 from nadrc_ros.writing import write_json
 import numpy as np
 import numpy.typing as npt

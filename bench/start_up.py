@@ -27,8 +27,8 @@ from typing import Any
 
 from bench.processes import BARE, CONTROLLER, environment, process
 from bench.results import save, show
-from nadrc_ros.nodes.domain import private_domain
-from nadrc_ros.nodes.topics import Info, Receive, receive
+from nadrc_ros.ros.domain import private_domain
+from nadrc_ros.ros.topics import Info, Receive, receive
 import numpy as np
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor

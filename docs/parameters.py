@@ -9,7 +9,6 @@ from typing import Any
 from nadrc_ros.adrc import ControllerSettings
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import (
     fault_fields,
     noise_fields,
@@ -17,7 +16,8 @@ from nadrc_ros.nodes.plant import (
 )
 from nadrc_ros.nodes.recorder import RecorderSettings
 from nadrc_ros.nodes.reference import ReferenceSettings
-from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.pacing import PacingSettings
+from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.simulation.plants import PLANTS
 
 PAGE = Path(__file__).with_name('parameters.md')

@@ -7,14 +7,14 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.theory.delayed import (
+from nadrc_ros.theory.delayed import (
     command_variance,
     delayed_loop,
     REFERENCE,
     step_responses,
 )
-from nadrc_ros.adrc.theory.loop import chain
-from nadrc_ros.adrc.theory.margins import margins
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.margins import margins
 from nadrc_ros.tuning.design.bandwidths import BAND, reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import single
 from nadrc_ros.tuning.design.fastest import fastest, obstacle

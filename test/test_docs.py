@@ -14,9 +14,9 @@ from typing import Any
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.pacing import PacingSettings
 from nadrc_ros.nodes.plant import fault_fields, noise_fields
-from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.pacing import PacingSettings
+from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.plants.paper import PaperPlant
 from nadrc_ros.tuning.design.limits import check

@@ -9,12 +9,12 @@ import attrs
 import control
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.loop import chain
-from nadrc_ros.adrc.theory.system import pick
-from nadrc_ros.adrc.theory.transfer import controller
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Result, simulate
 from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.system import pick
+from nadrc_ros.theory.transfer import controller
 from nadrc_ros.tuning.design.advice import advice, advised, WORTH
 from nadrc_ros.tuning.design.bandwidths import BAND, readable, settling_factor
 from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidates, single

@@ -8,8 +8,8 @@ from math import comb, exp, factorial, log, pi, sin
 from law_helpers import design_of, Observer, ORDERS
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import observer_gains
-from nadrc_ros.adrc.theory import transfer as theory
-from nadrc_ros.adrc.theory.system import is_stable
+from nadrc_ros.theory import transfer as theory
+from nadrc_ros.theory.system import is_stable
 import pytest
 
 CHECK_VALUES = (

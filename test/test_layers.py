@@ -12,24 +12,30 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'nadrc_ros'
 LIMIT = 400
-KEPT = {'adrc', 'simulation', 'scenario', 'records', 'extras', 'writing', 'yaml_text'}
-# Layer -> the layers of this package that it may import.
+FILES = {'extras', 'writing', 'yaml_text'}
+# Floor -> the floors of this package that it may import from; FILES are for all but the first two.
 ARROWS = {
-    'adrc': {'adrc'},
-    'simulation': {'adrc', 'simulation'},
-    'scenario': {'adrc', 'simulation', 'scenario', 'yaml_text'},
-    'records': KEPT,
-    'report': KEPT | {'report'},
-    'tuning': KEPT | {'report', 'tuning'},
+    'adrc': set(),
+    'simulation': {'adrc'},
+    'theory': {'adrc'},
+    'scenario': {'adrc', 'simulation'},
+    'records': {'adrc', 'simulation', 'scenario'},
+    'report': {'adrc', 'simulation', 'scenario', 'records'},
+    'tuning': {'adrc', 'simulation', 'scenario', 'records', 'report', 'theory'},
+    'ros': {'adrc', 'simulation', 'scenario'},
+    'nodes': {'adrc', 'simulation', 'scenario', 'records', 'ros'},
+    'demo': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'nodes'},
+    'testing': {'adrc', 'simulation', 'scenario', 'records', 'report', 'ros', 'nodes', 'demo'},
+    'cli': {'adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo'},
 }
-ABOVE_NODES = {'tuning', 'report', 'testing', 'cli'}
+PURE = {'adrc', 'simulation'}
+WITH_ROS = {'ros', 'nodes', 'demo', 'testing', 'cli'}
 IMPURE = {
     *('rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'diagnostic_msgs', 'ament_index_python'),
     *('time', 'datetime', 'logging', 'os', 'pathlib', 'io', 'sys', 'random', 'secrets', 'socket'),
     *('threading', 'subprocess', 'asyncio', 'tempfile', 'shutil', 'scipy', 'matplotlib', 'yaml'),
 }
 LOUD = {'print', 'open', 'input', 'breakpoint', 'exec', 'eval'}
-THEORY = 'nadrc_ros.adrc.theory'
 FORBIDDEN_AT_START = ('rclpy', 'time', 'logging', 'scipy', 'numba', 'matplotlib', 'yaml', 'typer')
 
 
@@ -71,46 +77,45 @@ def name_of(path: Path) -> str:
 
 @pytest.mark.parametrize('path', files(*ARROWS), ids=name_of)
 def test_an_import_only_points_down(path: Path) -> None:
-    layer = path.relative_to(PACKAGE).parts[0]
-    assert layers_imported(path) <= ARROWS[layer]
-
-
-def test_nodes_know_nothing_of_what_is_asked_of_the_law() -> None:
-    for path in sorted((PACKAGE / 'nodes').rglob('*.py')):
-        assert not layers_imported(path) & ABOVE_NODES, path
-    for path in files('testing'):
-        assert 'cli' not in layers_imported(path), path
-    for layer in ('paper', 'tuning', 'report'):
-        for path in sorted((PACKAGE / layer).rglob('*.py')):
-            assert 'nodes' not in layers_imported(path), path
-            assert not {name.split('.')[0] for name in imports(path)} & {'rclpy'}, path
-
-
-@pytest.mark.parametrize('path', files('adrc', 'simulation'), ids=name_of)
-def test_the_law_and_the_simulation_are_pure(path: Path) -> None:
+    floor = path.relative_to(PACKAGE).parts[0]
+    allowed = ARROWS[floor] | {floor} | (set() if floor in PURE else FILES)
+    assert layers_imported(path) <= allowed
     tops = {name.split('.')[0] for name in imports(path)}
-    assert not tops & (IMPURE - ({'scipy'} if is_theory(path) else set()))
+    assert floor in WITH_ROS or not tops & {'rclpy', 'std_msgs'}
+
+
+def test_every_folder_is_a_floor() -> None:
+    assert {path.parent.name for path in PACKAGE.glob('*/__init__.py')} == set(ARROWS)
+
+
+def test_no_imports_go_round_in_a_circle() -> None:
+    modules = {
+        '.'.join(path.relative_to(PACKAGE).with_suffix('').parts).removesuffix('.__init__'): path
+        for path in files(*ARROWS)
+    }
+    inner = {}
+    for name, path in modules.items():
+        needs = {found.removeprefix('nadrc_ros.') for found in imports(path)} & set(modules)
+        inner[name] = {
+            need for need in needs if not any(other.startswith(f'{need}.') for other in needs)
+        }
+    del inner['adrc.structures.structure'], inner['simulation.experiment']  # the last two circles
+    while leaves := {name for name, needs in inner.items() if not (needs - {name}) & set(inner)}:
+        inner = {name: needs for name, needs in inner.items() if name not in leaves}
+    assert not inner, f'in a circle, or above one: {sorted(inner)}'
+
+
+@pytest.mark.parametrize('path', files(*PURE), ids=name_of)
+def test_the_law_and_the_simulation_are_pure(path: Path) -> None:
+    assert not {name.split('.')[0] for name in imports(path)} & IMPURE
     calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
     called = {node.func.id for node in calls if isinstance(node.func, ast.Name)}
     assert not called & LOUD
 
 
-def is_theory(path: Path) -> bool:
-    return path.is_relative_to(PACKAGE / 'adrc' / 'theory')
-
-
-def test_numpy_and_scipy_stay_out_of_the_law_and_in_its_theory() -> None:
-    theory = [path for path in files('adrc') if is_theory(path)]
-    assert len(theory) > 5
-    for path in set(files('adrc')) - set(theory):
-        assert not {name.split('.')[0] for name in imports(path)} & {'numpy', 'scipy'}, path
-
-
-def test_nothing_that_a_node_may_import_imports_the_theory() -> None:
-    for path in sorted(PACKAGE.rglob('*.py')):
-        above = path.relative_to(PACKAGE).parts[0].removesuffix('.py') in ABOVE_NODES
-        if not above and not is_theory(path):
-            assert not any(f'{name}.'.startswith(f'{THEORY}.') for name in imports(path)), path
+def test_numpy_stays_out_of_the_law() -> None:
+    for path in files('adrc'):
+        assert 'numpy' not in {name.split('.')[0] for name in imports(path)}, path
 
 
 def test_numba_is_named_in_one_file_only() -> None:

@@ -18,8 +18,6 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
-from nadrc_ros.adrc.theory.loop import chain as linear_chain
-from nadrc_ros.adrc.theory.loop import loop_growth
 from nadrc_ros.simulation.experiment import Experiment, kernel, Retune
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.kernel import Kernel
@@ -27,6 +25,8 @@ from nadrc_ros.simulation.loop import Loop, WIDTH
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants.chain import Chain
 from nadrc_ros.simulation.signals.elementary import Step
+from nadrc_ros.theory.loop import chain as linear_chain
+from nadrc_ros.theory.loop import loop_growth
 import numpy as np
 import pytest
 

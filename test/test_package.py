@@ -64,7 +64,7 @@ def test_every_import_of_ros_is_a_dependency() -> None:
 @pytest.mark.parametrize('name', ['controller', 'plant', 'reference', 'recorder'])
 def test_every_executable_has_a_main(name: str) -> None:
     assert callable(import_module(f'nadrc_ros.nodes.{name}').main)
-    assert callable(getattr(import_module('nadrc_ros.nodes.command_line'), name))
+    assert callable(getattr(import_module('nadrc_ros.nodes.executables'), name))
     assert (ROOT / 'resource' / 'nadrc_ros').exists()
 
 

@@ -20,7 +20,7 @@ from nadrc_ros.adrc.settings import (
     SLOWEST_RATE,
 )
 from nadrc_ros.adrc.structures import STRUCTURES
-from nadrc_ros.nodes.pacing import PacingSettings
+from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.scenario import dump, loads
 from nadrc_ros.simulation.experiment import simulate
 import numpy as np

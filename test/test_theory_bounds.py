@@ -7,10 +7,10 @@ import random
 
 from law_helpers import Chain, design_of, Observer, ORDERS
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory import bounds
-from nadrc_ros.adrc.theory.lyapunov import coefficients, lyapunov, scaled_error_matrix
-from nadrc_ros.adrc.theory.system import Array, held, response, StateSpace
-from nadrc_ros.adrc.theory.transfer import residual
+from nadrc_ros.theory import bounds
+from nadrc_ros.theory.lyapunov import coefficients, lyapunov, scaled_error_matrix
+from nadrc_ros.theory.system import Array, held, response, StateSpace
+from nadrc_ros.theory.transfer import residual
 import numpy as np
 import pytest
 

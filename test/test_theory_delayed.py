@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.delayed import (
+from nadrc_ros.theory.delayed import (
     closed_response,
     COMMAND,
     command_variance,
@@ -20,10 +20,10 @@ from nadrc_ros.adrc.theory.delayed import (
     REFERENCE,
     step_responses,
 )
-from nadrc_ros.adrc.theory.loop import chain, closed_loop, loop_growth
-from nadrc_ros.adrc.theory.margins import margins, UNSTABLE
-from nadrc_ros.adrc.theory.noise import output_covariance
-from nadrc_ros.adrc.theory.system import Array, pick, response, StateSpace
+from nadrc_ros.theory.loop import chain, closed_loop, loop_growth
+from nadrc_ros.theory.margins import margins, UNSTABLE
+from nadrc_ros.theory.noise import output_covariance
+from nadrc_ros.theory.system import Array, pick, response, StateSpace
 from nadrc_ros.tuning.design.first_design import first_design
 from nadrc_ros.tuning.design.prediction import settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements

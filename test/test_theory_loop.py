@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from law_helpers import design_of
-from nadrc_ros.adrc.theory.loop import chain, closed_loop, gain_interval, loop_growth, loop_poles
-from nadrc_ros.adrc.theory.margins import margins
-from nadrc_ros.adrc.theory.system import response, StateSpace
+from nadrc_ros.theory.loop import chain, closed_loop, gain_interval, loop_growth, loop_poles
+from nadrc_ros.theory.margins import margins
+from nadrc_ros.theory.system import response, StateSpace
 import numpy as np
 import pytest
 from theory_helpers import LINEAR, Loop, simulated_stable, wide_design

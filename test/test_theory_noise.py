@@ -9,24 +9,24 @@ from nadrc_ros.adrc.controller import tick
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.law import blank_state
 from nadrc_ros.adrc.supervisor import Watch
-from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop
-from nadrc_ros.adrc.theory.equal_noise import (
+from nadrc_ros.simulation.compiled import share_law
+from nadrc_ros.simulation.kernel import tuple_of
+from nadrc_ros.theory.delayed import command_variance, delayed_loop
+from nadrc_ros.theory.equal_noise import (
     crossover,
     equal_noise_bandwidths,
     nested_design,
     noise_factor,
     residual_gain,
 )
-from nadrc_ros.adrc.theory.loop import chain
-from nadrc_ros.adrc.theory.noise import (
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.noise import (
     disturbance_variance,
     estimate_covariance,
     output_covariance,
 )
-from nadrc_ros.adrc.theory.system import response, StateSpace, zero_order_hold
-from nadrc_ros.adrc.theory.transfer import residual
-from nadrc_ros.simulation.compiled import share_law
-from nadrc_ros.simulation.kernel import tuple_of
+from nadrc_ros.theory.system import response, StateSpace, zero_order_hold
+from nadrc_ros.theory.transfer import residual
 import numba
 import numpy as np
 import pytest

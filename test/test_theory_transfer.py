@@ -6,11 +6,11 @@ from typing import Any
 
 from law_helpers import design_of, NAMES, ORDERS, varied_settings
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.equal_noise import nested_design
-from nadrc_ros.adrc.theory.model import law_matrices, observer_matrices
-from nadrc_ros.adrc.theory.norms import h_infinity_norm, l1_norm
-from nadrc_ros.adrc.theory.pid import equivalent_pid
-from nadrc_ros.adrc.theory.system import (
+from nadrc_ros.theory.equal_noise import nested_design
+from nadrc_ros.theory.model import law_matrices, observer_matrices
+from nadrc_ros.theory.norms import h_infinity_norm, l1_norm
+from nadrc_ros.theory.pid import equivalent_pid
+from nadrc_ros.theory.system import (
     Array,
     is_stable,
     pick,
@@ -20,7 +20,7 @@ from nadrc_ros.adrc.theory.system import (
     static_gain,
     zero_order_hold,
 )
-from nadrc_ros.adrc.theory.transfer import (
+from nadrc_ros.theory.transfer import (
     controller,
     observer,
     prefilter,

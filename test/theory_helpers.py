@@ -8,7 +8,7 @@ from typing import Any
 from law_helpers import design_of, Law, NAMES
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.law import blank_state, step
-from nadrc_ros.adrc.theory.system import Array, StateSpace, zero_order_hold
+from nadrc_ros.theory.system import Array, StateSpace, zero_order_hold
 import numpy as np
 
 # A power of two, so that scaling costs no digit, inside the linear zone of fal.

@@ -1,5 +1,48 @@
-"""Lets `python -m nadrc_ros.cli` run from the source tree."""
+"""The `nadrc` command line, as an executable and for `python -m nadrc_ros.cli`."""
 
-from nadrc_ros.cli import main
+from __future__ import annotations
 
-main()
+from nadrc_ros.cli import interrupted
+
+# What has no character of ASCII in it.
+PLAIN = {'\N{MINUS SIGN}': '-', '\N{MULTIPLICATION SIGN}': 'x', '\N{DEGREE SIGN}': 'deg'}
+
+
+def main() -> None:
+    """Run the command line."""
+    import codecs
+    import os
+    import sys
+
+    codecs.register_error('plain', _plain)
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:  # as behind >&-
+            stream.reconfigure(errors='plain')  # type: ignore[union-attr]
+    # The matrices here are small: threads of OpenBLAS would only wait for them, and busily.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    try:
+        from nadrc_ros.cli.app import app
+
+        app()
+    except (Exception, KeyboardInterrupt) as error:  # while the modules were being imported
+        if interrupted(error):
+            sys.exit(130)
+        if isinstance(error, OSError):  # a full disk behind >
+            sys.exit(f'nadrc: output: {error.strerror}')
+        raise
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    """Return what stands for characters that the output cannot show: 2 for a superscript."""
+    from unicodedata import normalize
+
+    assert isinstance(error, UnicodeEncodeError)
+    text = ''
+    for character in error.object[error.start : error.end]:
+        plain = PLAIN.get(character, normalize('NFKD', character)).encode('ascii', 'ignore')
+        text += plain.decode() or '?'
+    return text, error.end
+
+
+if __name__ == '__main__':
+    main()

@@ -11,7 +11,7 @@ from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
 import typer
 
 if TYPE_CHECKING:
-    from nadrc_ros.nodes.live import Run
+    from nadrc_ros.demo.live import Run
     from nadrc_ros.records.history import History
     from nadrc_ros.scenario import Scenario
 
@@ -52,7 +52,7 @@ def demo(
         whole = load(path)
     with reporting():
         try:
-            from nadrc_ros.nodes.domain import private_domain
+            from nadrc_ros.ros.domain import private_domain
             import rclpy  # noqa: F401
         except ImportError as error:
             from nadrc_ros.adrc.errors import UserError
@@ -80,7 +80,7 @@ def demo(
 
 
 def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str, Run]':
-    from nadrc_ros.nodes.live import run_realtime
+    from nadrc_ros.demo.live import run_realtime
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -114,7 +114,7 @@ def _wait_for_ctrl_c() -> None:
 
 
 def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':
-    from nadrc_ros.nodes.live import run_lockstep
+    from nadrc_ros.demo.live import run_lockstep
 
     for retune in scenario.retunes:
         complain(f'lockstep: the retune at {retune.time:g} s is left out')

@@ -13,21 +13,21 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
-from nadrc_ros.nodes.diagnostics import Diagnostics, Latencies, WARN
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates
-from nadrc_ros.nodes.lockstep import Lockstep
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_news import cut_short, describe, jump, LEVELS, ModeNews
-from nadrc_ros.nodes.pacing import Beat, SampleTicker, Ticker
-from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown, written_to
 from nadrc_ros.nodes.rivals import Rivals
-from nadrc_ros.nodes.runtime import BAD_START, LiveNode, run
-from nadrc_ros.nodes.stamps import SampleTimes
 from nadrc_ros.nodes.takers import Takers
-from nadrc_ros.nodes.topics import Info, receive, reference_topics, Sender
 from nadrc_ros.records.replay import TraceWriter
+from nadrc_ros.ros.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
+from nadrc_ros.ros.diagnostics import Diagnostics, Latencies, WARN
+from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.pacing import Beat, SampleTicker, Ticker
+from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown, written_to
+from nadrc_ros.ros.runtime import BAD_START, LiveNode, run
+from nadrc_ros.ros.stamps import SampleTimes
+from nadrc_ros.ros.topics import Info, receive, reference_topics, Sender
 from std_srvs.srv import SetBool, Trigger
 
 Reference = Sequence[float | None]

@@ -8,10 +8,10 @@ from math import ceil, inf, isfinite
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes.diagnostics import OK
 from nadrc_ros.nodes.mode_news import concerns
-from nadrc_ros.nodes.remarks import Remarks
-from nadrc_ros.nodes.topics import Input
+from nadrc_ros.ros.diagnostics import OK
+from nadrc_ros.ros.remarks import Remarks
+from nadrc_ros.ros.topics import Input
 
 # Above this share of the rate an observer is not what its bandwidth says.
 LARGEST_SHARE = 0.3

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from math import isfinite
 
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.nodes.topics import Sender
 from nadrc_ros.records.recording import ESTIMATES
+from nadrc_ros.ros.topics import Sender
 
 TOPICS = tuple(f'~/{topic}' for topic in ESTIMATES.values())
 

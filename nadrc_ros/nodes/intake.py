@@ -7,11 +7,11 @@ from math import nan
 import time
 from typing import Any
 
-from nadrc_ros.nodes.diagnostics import OK, WARN
-from nadrc_ros.nodes.stamps import Departures, Losses, Offset
-from nadrc_ros.nodes.topics import Info, receive, RECORD
 from nadrc_ros.records.recording import NEEDED, STAMPED
 from nadrc_ros.records.rows import Gap, Row, Rows
+from nadrc_ros.ros.diagnostics import OK, WARN
+from nadrc_ros.ros.stamps import Departures, Losses, Offset
+from nadrc_ros.ros.topics import Info, receive, RECORD
 from rclpy.node import Node
 
 # Samples of all topics are there so long after the newest one left [ns], and without any new ones

@@ -8,7 +8,7 @@ from math import inf, isfinite
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
-from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
+from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
 
 # As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.
 COUNT, SECONDS = 30, 60.0

@@ -12,14 +12,14 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
 from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
-from nadrc_ros.nodes.command_line import NodeParser
-from nadrc_ros.nodes.diagnostics import Diagnostics, ERROR, OK, WARN
-from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import Beat, Ticker
-from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
-from nadrc_ros.nodes.runtime import LiveNode, run
-from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL
-from nadrc_ros.nodes.topics import Info, receive, Sender
+from nadrc_ros.ros.command_line import NodeParser
+from nadrc_ros.ros.diagnostics import Diagnostics, ERROR, OK, WARN
+from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.pacing import Beat, Ticker
+from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL
+from nadrc_ros.ros.topics import Info, receive, Sender
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.specs import PlantSpec
 from nadrc_ros.scenario.user_plant import make_plant

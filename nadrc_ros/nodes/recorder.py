@@ -14,16 +14,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, number, text
 from nadrc_ros.adrc.settings import LONGEST
-from nadrc_ros.nodes.command_line import NodeParser
-from nadrc_ros.nodes.diagnostics import Diagnostics, OK, WARN
-from nadrc_ros.nodes.events import receive_events
 from nadrc_ros.nodes.intake import Intake
-from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.parameter_watch import ParameterWatch
-from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown, written_to
-from nadrc_ros.nodes.runtime import LiveNode, run
-from nadrc_ros.nodes.topics import Info, Sender
-from nadrc_ros.nodes.versions import versions
 from nadrc_ros.records.figures import Figures, FigureSettings, RunSettings
 from nadrc_ros.records.history import append_event, append_parameters, Event, write_about
 from nadrc_ros.records.recording import (
@@ -37,6 +28,15 @@ from nadrc_ros.records.recording import (
     TRUTH,
 )
 from nadrc_ros.records.rows import Gap, Row
+from nadrc_ros.ros.command_line import NodeParser
+from nadrc_ros.ros.diagnostics import Diagnostics, OK, WARN
+from nadrc_ros.ros.events import receive_events
+from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.parameter_watch import ParameterWatch
+from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown, written_to
+from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.topics import Info, Sender
+from nadrc_ros.ros.versions import versions
 from nadrc_ros.simulation.metrics import MetricValues
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger

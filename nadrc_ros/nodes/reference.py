@@ -8,14 +8,14 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.fields import choice, declared
-from nadrc_ros.nodes.command_line import NodeParser
-from nadrc_ros.nodes.diagnostics import Diagnostics, OK
-from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.pacing import Beat, Ticker
-from nadrc_ros.nodes.parameters import ParameterGroup, refuse_unknown
-from nadrc_ros.nodes.runtime import LiveNode, run
-from nadrc_ros.nodes.signals import REFERENCE
-from nadrc_ros.nodes.topics import receive, REFERENCE_TOPICS, Sender
+from nadrc_ros.ros.command_line import NodeParser
+from nadrc_ros.ros.diagnostics import Diagnostics, OK
+from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.pacing import Beat, Ticker
+from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown
+from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.signals import REFERENCE
+from nadrc_ros.ros.topics import receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.signals import Signal
 

@@ -6,10 +6,10 @@ from collections import deque
 from math import inf
 import time
 
-from nadrc_ros.nodes.diagnostics import ERROR, OK
-from nadrc_ros.nodes.inputs import node_of
-from nadrc_ros.nodes.runtime import LiveNode
-from nadrc_ros.nodes.topics import Info, Input, receive, Sender
+from nadrc_ros.ros.diagnostics import ERROR, OK
+from nadrc_ros.ros.inputs import node_of
+from nadrc_ros.ros.runtime import LiveNode
+from nadrc_ros.ros.topics import Info, Input, receive, Sender
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Before the first command it is listened for so long [s], in which most others are discovered.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes.inputs import meant, node_of
-from nadrc_ros.nodes.remarks import Remarks
-from nadrc_ros.nodes.topics import FLOAT64, Sender
+from nadrc_ros.ros.inputs import meant, node_of
+from nadrc_ros.ros.remarks import Remarks
+from nadrc_ros.ros.topics import FLOAT64, Sender
 from rclpy.node import Node
 
 # So many looks, one per second, without a reader until it is said, and between two searches.

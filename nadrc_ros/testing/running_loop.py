@@ -10,18 +10,18 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
+from nadrc_ros.demo.graph import expected_readers
+from nadrc_ros.demo.operation import GraphError
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.graph import expected_readers
-from nadrc_ros.nodes.lockstep import Lockstep
-from nadrc_ros.nodes.node_arguments import overrides
-from nadrc_ros.nodes.operation import GraphError
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
-from nadrc_ros.nodes.runtime import LiveNode, spin_for
 from nadrc_ros.records.history import Event, read_history
 from nadrc_ros.records.recording import read_samples
 from nadrc_ros.report.timeline import referred
+from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.node_arguments import overrides
+from nadrc_ros.ros.runtime import LiveNode, spin_for
 from nadrc_ros.simulation.experiment import Result, Retune
 from nadrc_ros.simulation.periods import first_period
 import numpy as np

@@ -8,8 +8,8 @@ import sys
 import time
 from typing import Any
 
-from nadrc_ros.nodes.axes import axis_namespace
-from nadrc_ros.nodes.runtime import LOCKED_UP
+from nadrc_ros.ros.axes import axis_namespace
+from nadrc_ros.ros.runtime import LOCKED_UP
 from probe import NodeProcess, parameter_file, Probe, Processes
 import pytest
 
@@ -32,7 +32,7 @@ PLANT: dict[str, Any] = {
 BROKEN = """
 import sys
 from nadrc_ros.nodes.controller import ControllerNode, make_axes
-from nadrc_ros.nodes.runtime import run
+from nadrc_ros.ros.runtime import run
 
 def tick(self, *arguments):
     original(self, *arguments)

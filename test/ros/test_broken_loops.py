@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.nodes.operation import GraphError
+from nadrc_ros.demo.operation import GraphError
 from nadrc_ros.testing import loop, RunningLoop
 import pytest
 from rclpy.experimental import EventsExecutor

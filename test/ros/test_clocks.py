@@ -12,7 +12,7 @@ from typing import Any
 
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.topics import Info
+from nadrc_ros.ros.topics import Info
 from probe import Probe, Processes
 import pytest
 from rosgraph_msgs.msg import Clock

@@ -14,8 +14,8 @@ NODES = ('controller', 'plant', 'reference', 'recorder')
 WITHOUT_ROS = """
 import sys
 sys.modules['rclpy'] = None
-from nadrc_ros.nodes import command_line
-raise SystemExit(command_line.{}())
+from nadrc_ros.nodes import executables
+raise SystemExit(executables.{}())
 """
 
 

@@ -6,14 +6,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from nadrc_ros.nodes import inputs, takers
+from nadrc_ros.nodes import takers
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import OK, WARN
-from nadrc_ros.nodes.inputs import InputWatch
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.nodes.remarks import AGAIN, Remarks
-from nadrc_ros.nodes.topics import Input, LATEST, SEND
+from nadrc_ros.ros import inputs
+from nadrc_ros.ros.diagnostics import OK, WARN
+from nadrc_ros.ros.inputs import InputWatch
+from nadrc_ros.ros.remarks import AGAIN, Remarks
+from nadrc_ros.ros.topics import Input, LATEST, SEND
 from probe import Probe
 import pytest
 import rclpy

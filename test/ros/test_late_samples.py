@@ -8,7 +8,7 @@ from typing import Any
 
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import WARN
+from nadrc_ros.ros.diagnostics import WARN
 from probe import Probe
 
 Make = Callable[..., Probe]

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 import signal
 
-from nadrc_ros.nodes.live import run_realtime
+from nadrc_ros.demo.live import run_realtime
 from nadrc_ros.scenario import loads
 from probe import NodeProcess, Probe, Processes
 import pytest

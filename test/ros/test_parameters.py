@@ -9,10 +9,10 @@ from typing import Any
 
 from nadrc_ros.adrc.settings import SLOWEST
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.parameters import _FOREIGN
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
+from nadrc_ros.ros.parameters import _FOREIGN
 from probe import Probe, Processes
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage

@@ -9,9 +9,9 @@ import signal
 from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.reference import ReferenceNode
+from nadrc_ros.ros.diagnostics import WARN
 from probe import Probe, Processes
 import pytest
 

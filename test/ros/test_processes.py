@@ -9,10 +9,10 @@ from pathlib import Path
 import signal
 from typing import Any
 
+from nadrc_ros.demo.graph import node_parameters, NODES
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import ERROR
-from nadrc_ros.nodes.graph import node_parameters, NODES
 from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.ros.diagnostics import ERROR
 from nadrc_ros.scenario import loads
 from probe import parameter_file, Probe, Processes
 import pytest
@@ -26,7 +26,7 @@ PLANT: dict[str, Any] = {'rate': 100.0, 'plant': 'chain', 'order': 1}
 LOADED = """
 import sys
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.runtime import run
+from nadrc_ros.ros.runtime import run
 
 class Counted(ControllerNode):
     def _tick(self, *arguments):

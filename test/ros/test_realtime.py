@@ -15,7 +15,7 @@ NOBODY = 65534
 # As a user that nothing is permitted to, whoever runs the tests.
 UNPRIVILEGED = f"""
 import os, resource
-from nadrc_ros.nodes.realtime import become_realtime
+from nadrc_ros.ros.realtime import become_realtime
 if os.geteuid() == 0:
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
     resource.setrlimit(resource.RLIMIT_MEMLOCK, (0, 0))

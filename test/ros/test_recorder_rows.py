@@ -9,11 +9,11 @@ from pathlib import Path
 import time
 
 from feed import Feed, INPUTS, PERIOD
-from nadrc_ros.nodes.diagnostics import WARN
 from nadrc_ros.nodes.plant import LONGEST_STALL, PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.history import read_history
 from nadrc_ros.records.recording import read_samples, SAMPLES, STAMPS, summarise
+from nadrc_ros.ros.diagnostics import WARN
 from probe import Probe
 import pytest
 from rosgraph_msgs.msg import Clock

@@ -18,8 +18,8 @@ import attrs
 from nadrc_ros import testing
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.demo.operation import GraphError
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.operation import GraphError
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
@@ -332,7 +332,7 @@ def test_a_loop_joins_an_executor_and_a_context_of_ones_own() -> None:
 
 DOMAIN = """
 import os, sys
-from nadrc_ros.nodes.domain import private_domain
+from nadrc_ros.ros.domain import private_domain
 domain = private_domain()
 assert os.environ['ROS_DOMAIN_ID'] == str(domain) == str(private_domain())
 assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'

@@ -8,8 +8,8 @@ import gc
 import sys
 import time
 
-from nadrc_ros.nodes.pacing import Beat, TOLERABLE
-from nadrc_ros.nodes.runtime import make_executor, spin_for, spin_until
+from nadrc_ros.ros.pacing import Beat, TOLERABLE
+from nadrc_ros.ros.runtime import make_executor, spin_for, spin_until
 from probe import Probe
 import pytest
 from rclpy.clock import Clock, ClockType

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.nodes.stamps import Departures, Offset, SampleTimes
+from nadrc_ros.ros.stamps import Departures, Offset, SampleTimes
 import pytest
 
 MS = 1_000_000

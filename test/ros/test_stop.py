@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.runtime import LAST_WAIT
+from nadrc_ros.ros.runtime import LAST_WAIT
 from probe import INTERRUPTS, NodeProcess, parameter_file, Probe, Processes
 import pytest
 
@@ -30,7 +30,7 @@ PLANT: dict[str, Any] = {
 }
 BROKEN = """
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.runtime import run
+from nadrc_ros.ros.runtime import run
 
 class Broken(ControllerNode):
     def _tick(self, *arguments):
@@ -43,7 +43,7 @@ raise SystemExit(run(Broken))
 LOCKED_UP = """
 import ctypes
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.runtime import run
+from nadrc_ros.ros.runtime import run
 
 class LockedUp(ControllerNode):
     def destroy_node(self):
@@ -54,7 +54,7 @@ raise SystemExit(run(LockedUp))
 # As many nodes of one process take longer to destroy than one that is locked up may.
 MANY = """
 import time
-from nadrc_ros.nodes import runtime
+from nadrc_ros.ros import runtime
 
 class Slow(runtime.LiveNode):
     default_name = 'slow'
@@ -70,7 +70,7 @@ raise SystemExit(runtime.run(lambda: [Slow(node_name=f'n{{i}}') for i in range(1
 """
 LASTING = """
 import time
-from nadrc_ros.nodes import runtime
+from nadrc_ros.ros import runtime
 
 class Lasting(runtime.LiveNode):
     default_name = 'lasting'

@@ -12,7 +12,7 @@ from typing import Any
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.nodes.topics import LATEST, SEND
+from nadrc_ros.ros.topics import LATEST, SEND
 from probe import INTERRUPTS, Probe, Processes
 from rclpy.context import Context
 from rclpy.node import Node

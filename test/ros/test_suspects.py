@@ -8,7 +8,7 @@ from typing import Any
 
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import ERROR, WARN
+from nadrc_ros.ros.diagnostics import ERROR, WARN
 from probe import Probe, Processes
 
 CONTROL: dict[str, Any] = {

@@ -7,11 +7,12 @@ import signal
 from typing import Any
 
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes import namesakes, rivals
+from nadrc_ros.nodes import rivals
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
-from nadrc_ros.nodes.events import receive_events
 from nadrc_ros.nodes.plant import PlantNode
+from nadrc_ros.ros import namesakes
+from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
+from nadrc_ros.ros.events import receive_events
 from probe import Probe, Processes
 import pytest
 

@@ -10,7 +10,7 @@ import time
 from typing import Any
 
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
+from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
 from probe import NodeProcess, Probe, Processes
 
 RATE = 100.0

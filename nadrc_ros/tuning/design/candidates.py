@@ -9,7 +9,7 @@ import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
-from nadrc_ros.adrc.theory.system import Array
+from nadrc_ros.theory.system import Array
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     FASTEST,

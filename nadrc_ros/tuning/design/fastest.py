@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import attrs
 from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.theory.loop import chain
-from nadrc_ros.adrc.theory.margins import margins
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.margins import margins
 from nadrc_ros.tuning.design.bandwidths import controller_bandwidth, settling_factor
 from nadrc_ros.tuning.design.candidates import single_settings
 from nadrc_ros.tuning.design.limits import COARSE, conflict, largest, MORE

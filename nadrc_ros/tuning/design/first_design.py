@@ -8,8 +8,8 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.design import bandwidths, make_design
-from nadrc_ros.adrc.theory.pid import equivalent_pid, FilteredPID
 from nadrc_ros.scenario import Scenario
+from nadrc_ros.theory.pid import equivalent_pid, FilteredPID
 from nadrc_ros.tuning.design.advice import advice, advised
 from nadrc_ros.tuning.design.bandwidths import reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import asked, Candidate, candidates

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.settings import LARGEST
-from nadrc_ros.adrc.theory.delayed import command_variance, delayed_loop, Loop
-from nadrc_ros.adrc.theory.loop import chain, loop_growth
-from nadrc_ros.adrc.theory.margins import margins
+from nadrc_ros.theory.delayed import command_variance, delayed_loop, Loop
+from nadrc_ros.theory.loop import chain, loop_growth
+from nadrc_ros.theory.margins import margins
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     reference_step,

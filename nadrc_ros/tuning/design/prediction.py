@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.delayed import (
+from nadrc_ros.theory.delayed import (
     closed_response,
     COMMAND,
     LOAD,
@@ -19,10 +19,10 @@ from nadrc_ros.adrc.theory.delayed import (
     REFERENCE,
     step_responses,
 )
-from nadrc_ros.adrc.theory.loop import chain
-from nadrc_ros.adrc.theory.margins import Margins, margins
-from nadrc_ros.adrc.theory.norms import GRID, peak
-from nadrc_ros.adrc.theory.system import Array, Complex
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.margins import Margins, margins
+from nadrc_ros.theory.norms import GRID, peak
+from nadrc_ros.theory.system import Array, Complex
 from nadrc_ros.tuning.design.bandwidths import BAND
 from nadrc_ros.tuning.design.limits import noise_gain, nominal_loop
 from nadrc_ros.tuning.design.requirements import Requirements

@@ -12,8 +12,8 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.margins import Margins
 from nadrc_ros.records.history import History
+from nadrc_ros.theory.margins import Margins
 from nadrc_ros.tuning.design.fastest import fastest
 from nadrc_ros.tuning.design.first_design import first_design, FirstDesign
 from nadrc_ros.tuning.design.requirements import Requirements

@@ -11,7 +11,6 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.margins import Margins
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.scenario.parameter_files import (
     ANY_CONTROLLER,
@@ -20,6 +19,7 @@ from nadrc_ros.scenario.parameter_files import (
 )
 from nadrc_ros.simulation.many import run_metrics
 from nadrc_ros.simulation.metrics import MetricValues
+from nadrc_ros.theory.margins import Margins
 from nadrc_ros.tuning.search.front import Choice, choose, front, knee, Point
 from nadrc_ros.tuning.search.score import FIRST_SEED
 from nadrc_ros.tuning.search.settings import TuneSettings

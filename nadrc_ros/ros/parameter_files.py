@@ -9,7 +9,7 @@ import re
 from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.nodes.axes import axes_asked, axis_namespace
+from nadrc_ros.ros.axes import axes_asked, axis_namespace
 from rclpy.node import Node
 
 # The nodes of this package, which may share a file.

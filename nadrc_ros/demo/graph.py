@@ -16,10 +16,10 @@ from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
-from nadrc_ros.nodes.runtime import LOCKED_UP
-from nadrc_ros.nodes.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
-from nadrc_ros.nodes.topics import reference_topics
 from nadrc_ros.records.recording import topic_of
+from nadrc_ros.ros.runtime import LOCKED_UP
+from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.topics import reference_topics
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.coefficients import plant_fields
 from nadrc_ros.scenario.errors import ScenarioError

@@ -8,7 +8,7 @@ from math import inf
 import time
 from typing import Any
 
-from nadrc_ros.nodes.topics import Info, with_info
+from nadrc_ros.ros.topics import Info, with_info
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node

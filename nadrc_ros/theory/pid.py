@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.model import pole_frequencies
-from nadrc_ros.adrc.theory.system import Array, Complex
+from nadrc_ros.theory.model import pole_frequencies
+from nadrc_ros.theory.system import Array, Complex
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from math import inf
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.system import (
+from nadrc_ros.theory.system import (
     Complex,
     growth,
     poles,
     StateSpace,
     zero_order_hold,
 )
-from nadrc_ros.adrc.theory.transfer import controller
+from nadrc_ros.theory.transfer import controller
 import numpy as np
 
 

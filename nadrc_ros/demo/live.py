@@ -11,10 +11,10 @@ import time
 from typing import Any
 
 import attrs
-from nadrc_ros.nodes.graph import Loop
-from nadrc_ros.nodes.operation import check, Operator, Progress
-from nadrc_ros.nodes.runtime import init_ros, stop_signals
+from nadrc_ros.demo.graph import Loop
+from nadrc_ros.demo.operation import check, Operator, Progress
 from nadrc_ros.records.recording import read_samples, SUMMARY
+from nadrc_ros.ros.runtime import init_ros, stop_signals
 from nadrc_ros.scenario import Scenario
 import rclpy
 

@@ -8,8 +8,8 @@ all signals at index k belong to t_k; commands and disturbances are held from t_
 from __future__ import annotations
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.model import disturbance_weights, law_matrices, observer_matrices
-from nadrc_ros.adrc.theory.system import Complex, StateSpace
+from nadrc_ros.theory.model import disturbance_weights, law_matrices, observer_matrices
+from nadrc_ros.theory.system import Complex, StateSpace
 import numpy as np
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from nadrc_ros.nodes.topics import Info
+from nadrc_ros.ros.topics import Info
 
 # A source stamp this far after the receipt is from the future: clocks of one machine agree better.
 FUTURE = 1_000_000

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from math import comb
 from typing import NamedTuple
 
-from nadrc_ros.adrc.theory.system import Array
+from nadrc_ros.theory.system import Array
 import numpy as np
 from scipy import linalg
 

@@ -19,7 +19,7 @@ from math import exp, factorial
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import observer_gains
-from nadrc_ros.adrc.theory.system import Array
+from nadrc_ros.theory.system import Array
 import numpy as np
 
 

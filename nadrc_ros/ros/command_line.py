@@ -1,16 +1,10 @@
-"""
-The executables of this package and their command line.
-
-Nothing of ROS is imported before a node is asked for: where ROS is missing, one sentence says so.
-"""
+"""What is on the command line of a node beside the arguments of ROS."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
-from importlib import import_module
 from itertools import pairwise
-import sys
 from typing import NoReturn
 
 MORE = """
@@ -61,37 +55,3 @@ class NodeParser(ArgumentParser):
             f'{message}\nROS takes what comes after --ros-args: `-p name:=value` is a parameter, '
             '`-r topic:=other` a remapping'
         )
-
-
-def controller() -> int:
-    """Run the controller node."""
-    return _run('controller')
-
-
-def plant() -> int:
-    """Run the plant node."""
-    return _run('plant')
-
-
-def reference() -> int:
-    """Run the reference node."""
-    return _run('reference')
-
-
-def recorder() -> int:
-    """Run the recorder node."""
-    return _run('recorder')
-
-
-def _run(node: str) -> int:
-    try:
-        module = import_module(f'nadrc_ros.nodes.{node}')
-    except ImportError as error:
-        print(
-            f'the {node} needs ROS 2 Jazzy, which is not here ({error}): source its setup.bash, '
-            'or let `make demo` in the source tree install it in .venv (Linux on x86-64)',
-            file=sys.stderr,
-        )
-        return 1
-    code: int = module.main()
-    return code

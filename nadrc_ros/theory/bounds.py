@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.lyapunov import lyapunov, scaled_error_matrix
-from nadrc_ros.adrc.theory.norms import l1_norm
-from nadrc_ros.adrc.theory.system import Array, StateSpace
-from nadrc_ros.adrc.theory.transfer import residual, total_disturbance
+from nadrc_ros.theory.lyapunov import lyapunov, scaled_error_matrix
+from nadrc_ros.theory.norms import l1_norm
+from nadrc_ros.theory.system import Array, StateSpace
+from nadrc_ros.theory.transfer import residual, total_disturbance
 import numpy as np
 
 

@@ -17,9 +17,9 @@ from math import ceil, inf, log2, pi
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.loop import closed_loop
-from nadrc_ros.adrc.theory.norms import frequency_grid
-from nadrc_ros.adrc.theory.system import (
+from nadrc_ros.theory.loop import closed_loop
+from nadrc_ros.theory.norms import frequency_grid
+from nadrc_ros.theory.system import (
     Array,
     balance,
     Complex,
@@ -29,7 +29,7 @@ from nadrc_ros.adrc.theory.system import (
     StateSpace,
     zero_order_hold,
 )
-from nadrc_ros.adrc.theory.transfer import controller
+from nadrc_ros.theory.transfer import controller
 import numpy as np
 from numpy.typing import ArrayLike
 

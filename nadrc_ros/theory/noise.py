@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.model import disturbance_weights
-from nadrc_ros.adrc.theory.system import Array, balanced, is_stable, pick, StateSpace
-from nadrc_ros.adrc.theory.transfer import observer
+from nadrc_ros.theory.model import disturbance_weights
+from nadrc_ros.theory.system import Array, balanced, is_stable, pick, StateSpace
+from nadrc_ros.theory.transfer import observer
 import numpy as np
 from scipy import linalg
 

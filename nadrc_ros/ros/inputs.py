@@ -9,9 +9,9 @@ from math import inf
 import time
 
 import attrs
-from nadrc_ros.nodes.diagnostics import OK, WARN
-from nadrc_ros.nodes.remarks import Remarks
-from nadrc_ros.nodes.topics import FLOAT64, Input
+from nadrc_ros.ros.diagnostics import OK, WARN
+from nadrc_ros.ros.remarks import Remarks
+from nadrc_ros.ros.topics import FLOAT64, Input
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo

@@ -13,8 +13,8 @@ from math import inf
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.theory.noise import disturbance_variance
-from nadrc_ros.adrc.theory.system import Array
+from nadrc_ros.theory.noise import disturbance_variance
+from nadrc_ros.theory.system import Array
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize

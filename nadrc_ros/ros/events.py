@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from nadrc_ros.nodes.diagnostics import OK
-from nadrc_ros.nodes.topics import Info, with_info
+from nadrc_ros.ros.diagnostics import OK
+from nadrc_ros.ros.topics import Info, with_info
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 

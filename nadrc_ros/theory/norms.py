@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import ceil, inf, log2, pi
 
-from nadrc_ros.adrc.theory.system import (
+from nadrc_ros.theory.system import (
     Array,
     balanced,
     Complex,

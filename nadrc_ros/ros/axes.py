@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import re
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.nodes.command_line import NodeParser
-from nadrc_ros.nodes.node_arguments import IN_A_NAME, NAME
+from nadrc_ros.ros.command_line import NodeParser
+from nadrc_ros.ros.node_arguments import IN_A_NAME, NAME
 from rclpy.node import Node
 
 # What gives the namespace; of several rules the first one counts.

@@ -15,8 +15,8 @@ from math import inf, isfinite, pi
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.theory.delayed import delayed_loop, is_stable_loop, loop_grid, open_response
-from nadrc_ros.adrc.theory.system import Array, Complex, StateSpace
+from nadrc_ros.theory.delayed import delayed_loop, is_stable_loop, loop_grid, open_response
+from nadrc_ros.theory.system import Array, Complex, StateSpace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize

@@ -14,20 +14,20 @@ from typing import Any, ClassVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
-from nadrc_ros.nodes.events import Events
-from nadrc_ros.nodes.inputs import InputWatch
-from nadrc_ros.nodes.namesakes import Namesakes
-from nadrc_ros.nodes.node_arguments import overrides, own_rules, rules_of, tell_unused
-from nadrc_ros.nodes.pacing import PacingSettings
-from nadrc_ros.nodes.parameter_files import refuse_malformed, refuse_unheard
-from nadrc_ros.nodes.parameters import (
+from nadrc_ros.ros.events import Events
+from nadrc_ros.ros.inputs import InputWatch
+from nadrc_ros.ros.namesakes import Namesakes
+from nadrc_ros.ros.node_arguments import overrides, own_rules, rules_of, tell_unused
+from nadrc_ros.ros.pacing import PacingSettings
+from nadrc_ros.ros.parameter_files import refuse_malformed, refuse_unheard
+from nadrc_ros.ros.parameters import (
     name_odd_type,
     ParameterGroup,
     refuse_unknown_types,
     refuse_unsettable,
 )
-from nadrc_ros.nodes.remarks import Remarks
-from nadrc_ros.nodes.topics import Input
+from nadrc_ros.ros.remarks import Remarks
+from nadrc_ros.ros.topics import Input
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
@@ -320,7 +320,7 @@ def _become_realtime(nodes: Sequence[LiveNode]) -> None:
     asking = [node for node in nodes if node.pacing.realtime]
     if not asking:
         return
-    from nadrc_ros.nodes.realtime import become_realtime
+    from nadrc_ros.ros.realtime import become_realtime
 
     obtained, said = become_realtime()
     logger = asking[0].get_logger()

@@ -10,7 +10,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, text
 from nadrc_ros.adrc.settings import SLOWEST_RATE
-from nadrc_ros.nodes.stamps import Losses
+from nadrc_ros.ros.stamps import Losses
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

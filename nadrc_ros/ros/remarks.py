@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import inf
 import time
 
-from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
+from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 # What comes and goes is logged again after so many seconds, and not before.

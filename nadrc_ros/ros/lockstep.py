@@ -7,9 +7,9 @@ from collections.abc import Callable
 from threading import RLock
 import time
 
-from nadrc_ros.nodes.pacing import PacingSettings
-from nadrc_ros.nodes.runtime import LiveNode
-from nadrc_ros.nodes.topics import (
+from nadrc_ros.ros.pacing import PacingSettings
+from nadrc_ros.ros.runtime import LiveNode
+from nadrc_ros.ros.topics import (
     Info,
     LOCKSTEP_RECEIVE,
     LOCKSTEP_SEND,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from nadrc_ros.nodes.diagnostics import ERROR, OK, WARN
-from nadrc_ros.nodes.remarks import Remarks
+from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
+from nadrc_ros.ros.remarks import Remarks
 from rclpy.node import Node
 
 # A node that was killed is listed for 20 s: what is there for longer lives [s].

@@ -13,7 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.nodes.diagnostics import OK
+from nadrc_ros.ros.diagnostics import OK
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
