@@ -42,6 +42,7 @@ class Operator:
         self.at_start: dict[str, dict[str, str]] = {}
         self.at_end: dict[str, dict[str, str]] = {}
         self.itae: dict[str, float] = {}
+        self._asked = 0.0
         self._node = Node('operator')
         self._executor = make_executor()
         self._executor.add_node(self._node)
@@ -71,17 +72,23 @@ class Operator:
 
     def enable(self) -> None:
         """Close all loops at the same moment."""
+        self._asked = time.monotonic()
         self._call(self._enable, SetBool.Request(data=True))
 
     def follow(self, duration: float, retunes: list[Retune], progress: Progress) -> None:
-        """Watch the run for ``duration`` seconds, retuning when it is time."""
-        begin = time.monotonic()
-        while (now := time.monotonic() - begin) < duration:
+        """
+        Watch the run for ``duration`` seconds, retuning when it is time.
+
+        Time counts from when the loops were asked to close: a retune then takes as long as that.
+        """
+        while (now := time.monotonic() - self._asked) < duration:
             check(self.loops)
             if retunes and retunes[0].time <= now:
                 self._retune(retunes.pop(0))
             progress(now, self.itae)
-            spin_for(self._executor, 0.05)
+            until = retunes[0].time if retunes else duration
+            now = time.monotonic() - self._asked
+            spin_for(self._executor, min(0.05, max(0.0, until - now)))
 
     def ask_for_counts(self) -> None:
         """Have every controller report now, as it does whenever it is enabled."""

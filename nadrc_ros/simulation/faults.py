@@ -94,14 +94,16 @@ def _spoilt(spoil: Spoil) -> Deliver:
 
 
 def _delayed(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    """Keep a sample back before it is sent and stamped, as a slow sensor does."""
-    periods = first_period(acting.fault.time, acting.rate)
-    acting.late.append((acting.k + periods, sample._replace(stamp=sample.stamp + periods)))
-    return []
+    return _sent_late(acting, sample, first_period(acting.fault.time, acting.rate))
 
 
 def _reordered(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    acting.late.append((acting.k + OVERTAKEN, sample))
+    return _sent_late(acting, sample, OVERTAKEN)
+
+
+def _sent_late(acting: Acting[MeasurementFault], sample: Sample, periods: int) -> list[Sample]:
+    """Keep a sample back before it is sent and stamped, as a slow sensor does."""
+    acting.late.append((acting.k + periods, sample._replace(stamp=sample.stamp + periods)))
     return []
 
 
@@ -191,8 +193,8 @@ class MeasurementFault(Fault):
     is repeated; ``garbage``: a random number within +-size; ``bias``: size is added; ``slow``: a
     first-order lag of ``time``; ``not_a_number``; ``infinite``; ``spike``: +-size is added;
     ``quantised`` in steps of size; ``delayed``: sent ``time`` late; ``duplicated``: comes twice;
-    ``reordered``: those that are hit come two periods late, after newer ones; ``clock_jump``: the
-    clock that stamps them is ``time`` ahead.
+    ``reordered``: those that are hit are sent two periods late, after newer ones; ``clock_jump``:
+    the clock that stamps them is ``time`` ahead.
     """
 
     kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'what happens to measurements')
