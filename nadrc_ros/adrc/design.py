@@ -71,8 +71,8 @@ def make_design(settings: ControllerSettings) -> Design:
     """Work the settings out into a :class:`Design`."""
     structure = STRUCTURES[settings.structure]
     order = settings.plant_order
-    levels = structure.levels(settings)
-    states = order + structure.extended_states(settings)
+    levels = structure.levels(settings.levels)
+    states = order + structure.extended_states(settings.extended_states)
     ratios = list(settings.pole_ratios[:states])
     ratios += [ratios[-1]] * (states - len(ratios))
     equal_poles = len(set(ratios)) == 1

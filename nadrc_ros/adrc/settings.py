@@ -55,7 +55,7 @@ class ControllerSettings:
     structure: str = choice(
         'nested',
         tuple(STRUCTURES),
-        'observer: ' + '; '.join(f'{s.name} = {s.description}' for s in STRUCTURES.values()),
+        'observer: ' + '; '.join(f'{name} = {s.description}' for name, s in STRUCTURES.items()),
     )
     inner_bandwidth: float = number(
         40.0, SLOWEST, FASTEST, 'rad/s', 'bandwidth of level 1, the inner observer'

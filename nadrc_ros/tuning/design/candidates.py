@@ -51,7 +51,7 @@ class Candidate:
     @property
     def levels(self) -> int:
         """Return the number of levels."""
-        return STRUCTURES[self.settings.structure].levels(self.settings)
+        return STRUCTURES[self.settings.structure].levels(self.settings.levels)
 
     @property
     def name(self) -> str:
@@ -100,7 +100,7 @@ def asked(wanted: Requirements) -> list[tuple[str, int]]:
             return []
         structure = 'nested' if levels > 1 else 'conventional'
     fixed = ControllerSettings(structure=structure, levels=levels or 2)
-    return [(structure, STRUCTURES[structure].levels(fixed))]
+    return [(structure, STRUCTURES[structure].levels(fixed.levels))]
 
 
 def single(wanted: Requirements) -> Candidate:
