@@ -44,19 +44,20 @@ class UnknownName(SettingError):
 def one_of(name: object, known: Iterable[str]) -> str:
     """Return in words that a name must be a known one, with the one that is near to it."""
     known = tuple(known)
-    near = _near(name, known) if isinstance(name, str) else ''
+    near = near_to(name, known) if isinstance(name, str) else ''
     return 'one of ' + ', '.join(known) + (f' (did you mean {near}?)' if near else '')
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the question for the known name near to ``name``, if there is one, and all names."""
     known = tuple(known)
-    near = _near(name, known)
+    near = near_to(name, known)
     question = f'did you mean {near}? ' if near else ''
     return f'{question}there are {", ".join(known) or "none"}'
 
 
-def _near(name: str, known: Iterable[str]) -> str:
+def near_to(name: str, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """Return the known name that may be meant, empty where none is as like as ``cutoff``."""
     names = {each.lower(): each for each in known}
-    near = get_close_matches(name.lower(), names, n=1, cutoff=0.5)
+    near = get_close_matches(name.lower(), names, n=1, cutoff=cutoff)
     return names[near[0]] if near else ''

@@ -159,7 +159,9 @@ class PlantNode(LiveNode):
         self._newest = 0
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
-            self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
+            self.lockstep = Lockstep(
+                self, self.pacing, self.guarded(self._fire), self._send_sample
+            )
             self.lockstep.add_input('command')
             self._measurement = self.lockstep.add_output('measurement')
             self._output = self.lockstep.add_output('~/output')
@@ -169,7 +171,8 @@ class PlantNode(LiveNode):
             self._output = Sender(self, '~/output')
             self._truth = Sender(self, '~/total_disturbance')
             self.inputs = [receive(self, 'command', self._on_command)]
-            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
+            on_timer = self.guarded(self._on_timer)
+            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, on_timer)
         refuse_unknown(self)
         self.diagnostics = Diagnostics(self, self._report)
 

@@ -49,13 +49,16 @@ class ReferenceNode(LiveNode):
         self.k = 0
         self.lockstep: Lockstep | None = None
         if self.pacing.lockstep:
-            self.lockstep = Lockstep(self, self.pacing, self._fire, self._send_sample)
+            self.lockstep = Lockstep(
+                self, self.pacing, self.guarded(self._fire), self._send_sample
+            )
             self.lockstep.add_input('measurement')
             self._senders: list[Sender] = [self.lockstep.add_output(t) for t in REFERENCE_TOPICS]
         else:
             self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
             self.inputs = [receive(self, 'command', lambda value, info: self._start())]
-            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, self._on_timer)
+            on_timer = self.guarded(self._on_timer)
+            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, on_timer)
         refuse_unknown(self)
         self.diagnostics = Diagnostics(self, self._report)
 

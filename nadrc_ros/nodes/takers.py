@@ -62,7 +62,7 @@ class Takers:
             for name, types in node.get_topic_names_and_types()
             if FLOAT64 in types and not node.count_publishers(name) and self._readers(name)
         ]
-        for name in meant(self._topic, free):
+        if name := meant(self._topic, free):
             readers = ', '.join(self._readers(name))
             return f', but {readers} subscribes to {name}: did you mean to remap?'
         return ''

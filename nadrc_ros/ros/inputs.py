@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from math import inf
 import time
 
 import attrs
+from nadrc_ros.adrc.errors import near_to
 from nadrc_ros.ros.diagnostics import OK, WARN
 from nadrc_ros.ros.remarks import Remarks
 from nadrc_ros.ros.topics import FLOAT64, Input
@@ -177,7 +177,7 @@ class InputWatch:
             for name, types in node.get_topic_names_and_types()
             if name not in own and is_free(name) and not node.count_subscribers(name)
         }
-        for name in meant(topic, list(there)):
+        if name := meant(topic, list(there)):
             names = ', '.join(self._publishers(name))
             return (
                 f', but {names} publishes {name} as {", ".join(there[name])}: '
@@ -189,11 +189,11 @@ class InputWatch:
         return [node_of(p) for p in self._node.get_publishers_info_by_topic(topic)]
 
 
-def meant(topic: str, there: Sequence[str]) -> list[str]:
+def meant(topic: str, there: Sequence[str]) -> str:
     """Return the topic that may be meant, if any: one that is close, or has the same last part."""
     last = topic.rpartition('/')[2]
-    same = [name for name in there if name.rpartition('/')[2] == last]
-    return get_close_matches(topic, there, n=1, cutoff=CLOSE) or same[:1]
+    same = (name for name in there if name.rpartition('/')[2] == last)
+    return near_to(topic, there, CLOSE) or next(same, '')
 
 
 def node_of(info: TopicEndpointInfo) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from itertools import pairwise
 import re
 from typing import Any
 
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import near_to, SettingError
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -73,11 +72,11 @@ def tell_unused(nodes: Sequence[Node], rules: Iterable[str]) -> None:
         if any(node.resolve_topic_name(new, only_expand=True) in _names(node) for node in nodes):
             continue
         known = {form for node in nodes for name in _names(node) for form in _forms(node, name)}
-        near = get_close_matches(old, sorted(known), n=1, cutoff=CLOSE)
+        near = near_to(old, sorted(known), CLOSE)
         log, who = nodes[0].get_logger(), ', '.join(n.get_fully_qualified_name() for n in nodes)
         text = f'-r {rule}: no topic or service of {who} is called {old}'
         if near:
-            log.warning(f'{text}: did you mean {near[0]}?')
+            log.warning(f'{text}: did you mean {near}?')
         else:
             log.info(text)
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
 from nadrc_ros.adrc.fields import Declared
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -202,9 +201,9 @@ def _is_so_anyway(node: Node, name: str, value: Any) -> bool:
 def _known(node: Node, name: str) -> str:
     qos = name.startswith(_QOS)
     known = sorted(n for n in node._parameters if n.startswith(_QOS if qos else _FOREIGN) == qos)
-    close = get_close_matches(name, known, n=1)
-    hint = f'{close[0]}, perhaps' if close else 'one of ' + ', '.join(known)
-    return f'a parameter of {node.get_name()}: {hint}' if known else 'left out'
+    return (
+        f'a parameter of {node.get_name()}: {did_you_mean(name, known)}' if known else 'left out'
+    )
 
 
 def _declare(node: Node, name: str, field: Declared) -> Any:

@@ -10,7 +10,7 @@ import signal
 import sys
 import time
 import traceback
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
@@ -39,6 +39,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+T = TypeVar('T')
 POLL = 0.05
 # So much longer than asked for may a spin take that waits for one callback [s].
 LONGEST_WAIT = 0.02
@@ -141,6 +142,28 @@ class LiveNode(Node):
         if not result.successful:
             self.events.tell('refused', result.reason)
         return result
+
+    def guarded(self, work: Callable[[T], None]) -> Callable[[T], None]:
+        """
+        Return ``work``, ending the node in one sentence where code of the user's in it fails.
+
+        That code is in files that parameters name. An exception must not leave a callback for
+        that, as the EventsExecutor prints all of its traceback.
+        """
+        values = [p.value for p in self._parameters.values()]
+        files = [os.path.abspath(v) for v in values if isinstance(v, str) and v.endswith('.py')]
+        if not files:
+            return work
+        from nadrc_ros.scenario.user_code import blame
+
+        def guard(argument: T) -> None:
+            try:
+                with blame(*files):
+                    work(argument)
+            except UserError as error:
+                self.fail(str(error))
+
+        return guard
 
     def fail(self, message: str) -> None:
         """End the process with exit code 1 and this message."""

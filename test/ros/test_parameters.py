@@ -224,10 +224,14 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
 @pytest.mark.parametrize(
     ('node', 'given', 'named'),
     [
-        ('controller', {'inner_bandwith': 60.0}, ('inner_bandwith', 'inner_bandwidth, perhaps')),
-        ('plant', {'noise_varianc': 1.0}, ('noise_varianc', 'noise_variance, perhaps')),
-        ('reference', {'amplitud': 1.0}, ('amplitud', 'amplitude, perhaps')),
-        ('recorder', {'directry': 'x'}, ('directry', 'directory, perhaps')),
+        (
+            'controller',
+            {'inner_bandwith': 60.0},
+            ('inner_bandwith', 'mean inner_bandwidth?'),
+        ),
+        ('plant', {'noise_varianc': 1.0}, ('noise_varianc', 'did you mean noise_variance?')),
+        ('reference', {'amplitud': 1.0}, ('amplitud', 'did you mean amplitude?')),
+        ('recorder', {'directry': 'x'}, ('directry', 'did you mean directory?')),
         ('controller', {'inner_bandwidth': -5.0}, ('inner_bandwidth',)),
         ('controller', {'inner_bandwidth': nan}, ('inner_bandwidth',)),
         ('controller', {'inner_bandwidth': 40}, ('inner_bandwidth',)),
@@ -249,7 +253,7 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         (
             'controller',
             {'qos_overrides./measurment.subscription.reliability': 'reliable'},
-            ('qos_overrides./measurment.', '/measurement.subscription.reliability, perhaps'),
+            ('qos_overrides./measurment.', '/measurement.subscription.reliability? there are'),
         ),
         (
             'controller',
@@ -259,7 +263,7 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         (
             'recorder',
             {'qos_overrides./command.publisher.depth': 3},
-            ('qos_overrides./command.publisher.depth', 'command.subscription.depth, perhaps'),
+            ('qos_overrides./command.publisher.depth', 'command.subscription.depth? there are'),
         ),
         (
             'plant',

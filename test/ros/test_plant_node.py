@@ -32,6 +32,16 @@ class Slow:
     def output(self, x):
         return x[0]
 """
+FAILING = """
+class Failing:
+    order = states = b0 = 1
+
+    def derivative(self, t, x, u, w, dx):
+        dx[0] = u / max(0.0, 5.0 - x[0])
+
+    def output(self, x):
+        return x[0]
+"""
 
 
 def test_a_delay_does_not_keep_the_first_command_from_coming(make_probe: Make) -> None:
@@ -113,3 +123,20 @@ def test_p17_a_plant_that_is_too_slow_is_told_and_runs_period_by_period(
     assert int(probe.said('plant')[-1][2]['missed_periods']) > 5
     plant.signal(signal.SIGINT)
     assert probe.end_of(plant) == 0
+
+
+def test_what_the_code_of_a_plant_raises_is_one_line_that_names_it(
+    start: Processes, tmp_path: Path
+) -> None:
+    file = tmp_path / 'failing.py'
+    file.write_text(FAILING)
+    own: dict[str, Any] = {
+        'start': 'at_once',
+        'initial_state': [4.9],
+        'command_timeout': 0.1,
+        'safe_command': 1.0,
+    }
+    plant = start('plant', rate=100.0, plant=str(file), **own)
+    assert plant.end() == 1
+    assert f'{file}, line 6: ZeroDivisionError: ' in plant.said
+    assert len(plant.own_lines) == 1, plant.said
