@@ -10,9 +10,9 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import append_parameters, write_about
-from nadrc_ros.records.recording import RunFolder, STAMPS, summarise
+from nadrc_ros.records.recording import RunFolder, RunSettings, STAMPS
 
 SIGNALS = (
     *('reference', 'measurement', 'command', 'output', 'total_disturbance'),

@@ -14,9 +14,8 @@ from typing import Any
 
 from bag_helpers import write_bag
 from nadrc_ros.cli.app import app
-from nadrc_ros.records.figures import RunSettings
 from nadrc_ros.records.history import ABOUT, append_parameters, PARAMETERS
-from nadrc_ros.records.recording import SAMPLES, SUMMARY
+from nadrc_ros.records.recording import RunSettings, SAMPLES, SUMMARY
 import numpy as np
 import pytest
 from report_helpers import describe, NOTHING, record, SIGNALS

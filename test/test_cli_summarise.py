@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from math import nan
+from math import inf, nan
 import os
 from pathlib import Path
 import random
@@ -15,16 +15,18 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
-from nadrc_ros.records.figures import Figures, RunSettings
+from nadrc_ros.records.figures import Figures, summarise, summary
+from nadrc_ros.records.history import append_parameters
 from nadrc_ros.records.recording import (
     read_samples,
     RunFolder,
+    RunSettings,
     SAMPLES,
     SETTINGS,
-    summarise,
     SUMMARY,
-    summary,
 )
+from nadrc_ros.report.subject import read_subjects
+from nadrc_ros.report.words import summary_of
 import pytest
 from typer.testing import CliRunner
 
@@ -35,7 +37,7 @@ ROOT = Path(__file__).parents[1]
 WRITER = """
 import sys
 from pathlib import Path
-from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.recording import RunSettings
 from nadrc_ros.records.recording import RunFolder
 
 columns = ['time', 'reference', 'measurement', 'command']
@@ -51,7 +53,7 @@ while True:
 OPENER = """
 import sys
 from pathlib import Path
-from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.recording import RunSettings
 from nadrc_ros.records.recording import RunFolder
 
 print('ready', flush=True)
@@ -79,7 +81,11 @@ def python(code: str, *arguments: object) -> subprocess.Popen[str]:
 
 
 def record(
-    directory: Path, run: RunSettings = RUN, count: int = 50, lost: tuple[int, ...] = ()
+    directory: Path,
+    run: RunSettings = RUN,
+    count: int = 50,
+    lost: tuple[int, ...] = (),
+    clipped: float = inf,
 ) -> tuple[Path, dict[str, Any]]:
     """Record a run of odd numbers; return its folder and what a recorder would say of it."""
     folder, figures, rng = RunFolder(directory, COLUMNS, run), Figures(run), random.Random(5)
@@ -89,6 +95,7 @@ def record(
         if k == 7:
             values['reference'] = values['output'] = nan
         values['command'] = 1.0 if k % 3 == 0 else nan if k == 8 else values['command']
+        values['command'] = min(max(values['command'], -clipped), clipped)
         figures.add(k / run.rate, values)
         folder.write([k / run.rate, *values.values()])
     folder.close()
@@ -109,6 +116,40 @@ def test_the_figures_are_those_of_the_recorder_to_the_bit(error: str, tmp_path: 
     assert rebuilt.keys() == {*recorded, 'samples_lost', 'samples_lost_by_signal', 'complete'}
     # what the samples do not tell is not made up
     assert (rebuilt['samples_lost'], rebuilt['complete']) == (None, None)
+
+
+OWN = {'structure': 'nested', 'inner_bandwidth': 40.0, 'command_min': -1.0, 'command_max': 1.0}
+
+
+@pytest.mark.parametrize(
+    ('told', 'known'),
+    [
+        ([(None, '/controller', OWN), (None, '/recorder', {'command_max': 9.0})], True),
+        ([(0.1, '/controller', OWN), (0.15, '/controller', {'b0': 2.0})], True),  # told late
+        ([(None, '/controller', OWN | {'command_max': 9.0}), (None, '/controller', OWN)], True),
+        ([(None, '/controller', OWN), (0.1, '/controller', {'command_max': 0.5})], False),
+        ([(None, '/a/controller', OWN), (None, '/b', OWN | {'command_min': -3.0})], False),
+        ([(None, '/controller', OWN | {'command_max': 0.9})], False),  # somebody else commands
+        ([(None, '/controller', OWN | {'command_max': None})], False),
+        ([(None, '/recorder', {'command_min': -1.0, 'command_max': 1.0})], False),
+        ([], False),
+    ],
+)
+def test_without_limits_of_its_own_a_run_takes_those_that_its_controller_told(
+    told: list[tuple[float | None, str, dict[str, Any]]], known: bool, tmp_path: Path
+) -> None:
+    clipped = 1.0  # what the commands are clipped to, in both runs
+    _, recorded = record(tmp_path / 'own', clipped=clipped)
+    folder, _ = record(tmp_path / 'told', RunSettings(rate=RUN.rate), clipped=clipped)
+    for time, node, values in told:
+        append_parameters(folder, time, node, values)
+    found = summarise(folder)['metrics']
+    share = recorded['metrics']['saturated_fraction'] if known else None
+    assert found == recorded['metrics'] | {'saturated_fraction': pytest.approx(share)}
+    assert share is None or share > 0.3
+    ((_, subject),) = read_subjects([folder]).items()
+    assert subject.metrics.as_dict() == found
+    assert ('the command was at a limit for' in summary_of({'': subject}, [])) == known
 
 
 @pytest.mark.parametrize('name', ['log.csv', 'empty'])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import loads
 from pathlib import Path
 
 from bench.other_plants import CASES
@@ -68,11 +69,13 @@ def identified(folder: Path, y: np.ndarray, u: np.ndarray, *more: str) -> tuple[
 def test_one_wrong_row_is_named_and_left_out(wrong: float, tmp_path: Path) -> None:
     y = measured(1e-3)
     y[1500:2600:25] = wrong
-    code, said = identified(tmp_path, y, COMMAND, '--order', '1')
+    json = tmp_path / 'found.json'
+    code, said = identified(tmp_path, y, COMMAND, '--order', '1', '--json', str(json))
     assert code == 0, said
     assert f'the measurement {wrong:g} at 15 s, ' in said and ' and 41 more' in said
     ((b0,),) = [line.split()[1:2] for line in said.splitlines() if line.startswith('b0 ')]
     assert float(b0) == pytest.approx(2.0, rel=0.02)
+    assert f'the measurement {wrong:g} at 15 s, ' in loads(json.read_text())['doubts'][0]
 
 
 def test_a_log_of_many_wrong_rows_is_refused(tmp_path: Path) -> None:
@@ -84,8 +87,11 @@ def test_a_log_of_many_wrong_rows_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('noise', [0.0, 1e-3])
 def test_columns_that_are_swapped_are_doubted(noise: float, tmp_path: Path) -> None:
-    _, said = identified(tmp_path, COMMAND, measured(noise), '--order', '1')
+    json = tmp_path / 'found.json'
+    more = ('--order', '1', '--json', str(json))
+    code, said = identified(tmp_path, COMMAND, measured(noise), *more)
     assert 'are command and measurement swapped?' in said
+    assert code or any('swapped?' in doubt for doubt in loads(json.read_text())['doubts'])
 
 
 @pytest.mark.parametrize('name', CASES)

@@ -9,10 +9,10 @@ import sys
 
 from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recorded_run import read_run
-from nadrc_ros.records.recording import RunFolder, summarise
+from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.records.source import Source
 from nadrc_ros.report.subject import make_subject, read_subjects
 import numpy as np

@@ -10,7 +10,8 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 from nadrc_ros.adrc.settings import LARGEST
-from nadrc_ros.records.figures import Figures, RunSettings
+from nadrc_ros.records.figures import Figures
+from nadrc_ros.records.recording import RunSettings
 from nadrc_ros.records.rows import Row, Rows
 from nadrc_ros.records.source import rows_of as columns_of
 from nadrc_ros.simulation.metrics import Metrics

@@ -107,8 +107,14 @@ def identify(
         if wrap:
             recorded = unwrapped(recorded, wrap)
         recorded, wrong = without_outliers(recorded)
+        doubts: list[str] = []
+
+        def doubt(text: str) -> None:
+            complain(f'{run}: {text}')
+            doubts.append(text)
+
         if wrong:
-            complain(f'{run}: {wrong}')
+            doubt(wrong)
         if wrap is None:
             _refuse_wrapped(recorded)
         thin, kept = thinned(recorded, MOST_ROWS, every)
@@ -119,7 +125,7 @@ def identify(
             )
         log = log_of(thin)
         if seems_swapped(log):
-            complain(f'{run}: {SWAPPED}')
+            doubt(SWAPPED)
         with working(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
@@ -130,7 +136,8 @@ def identify(
             b0 = running.b0
     with reporting():
         if json is not None:
-            write_json(json, {**_document(plant, advice, b0), 'rows_per_sample': kept})
+            found = _document(plant, advice, b0) | {'rows_per_sample': kept}
+            write_json(json, found | {'doubts': [*doubts, *plant.doubts]})
         if out is not None:
             parameters = controller_parameters(advice.settings, rounded(recorded.rate))
             if not advice.limits_known:
@@ -156,8 +163,8 @@ def identify(
             if out is not None:
                 names = ' and '.join((', '.join(UNKNOWN[:-1]), UNKNOWN[-1]))
                 complain(f'{out}: without {names}: set them before it runs')
-        for doubt in plant.doubts:
-            complain(f'{run}: {doubt}')
+        for text in plant.doubts:
+            complain(f'{run}: {text}')
         if out is not None and (remark := about_reference(advice.settings)):
             typer.echo(f'{out}: {remark}')
 
@@ -198,7 +205,6 @@ def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str
         value = getattr(plant, name)
         document[name] = plain(value) if value is not None else None
     document['unexplained'] = {str(n): value for n, value in plant.unexplained.items()}
-    document['doubts'] = list(plant.doubts)
     return {
         **document,
         'configured_b0': b0,

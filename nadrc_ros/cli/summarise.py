@@ -20,7 +20,8 @@ def summarise(
     """
     with reporting(str(run)):
         from nadrc_ros.cli.table import print_figures_of_merit
-        from nadrc_ros.records.recording import read_settings, read_summary, summarise, SUMMARY
+        from nadrc_ros.records.figures import summarise
+        from nadrc_ros.records.recording import read_settings, read_summary, SUMMARY
         from nadrc_ros.simulation.metrics import MetricValues
         from nadrc_ros.writing import write_json
 

@@ -15,15 +15,22 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, number, text
 from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.intake import Intake
-from nadrc_ros.records.figures import Figures, FigureSettings, RunSettings
-from nadrc_ros.records.history import append_event, append_parameters, Event, write_about
+from nadrc_ros.records.figures import Figures, summary
+from nadrc_ros.records.history import (
+    append_event,
+    append_parameters,
+    Event,
+    History,
+    write_about,
+)
 from nadrc_ros.records.recording import (
     ESTIMATES,
+    FigureSettings,
     NEEDED,
     RunFolder,
+    RunSettings,
     STAMPED,
     STAMPS,
-    summary,
     topic_of,
     TRUTH,
 )
@@ -141,15 +148,18 @@ class RecorderNode(LiveNode):
         with written_to('directory', self.settings.directory, allowed) as directory:
             folder = RunFolder(directory, self._columns, self._run)
             self._begin = int(time.time())
+            history = History()
             try:
                 write_about(folder.path, self._about())
                 for node, values in self._watch.known.items():
                     append_parameters(folder.path, None, node, values)
+                    history.take(None, node, values)
             except OSError:
                 folder.discard()
                 raise
         self.folder = folder
-        self.figures = Figures(self._run)
+        self._history = history
+        self.figures = Figures(self._run, history)
         self.recording = True
         self._notes: list[tuple[int, Note]] = []
         if self.intake is not None:
@@ -202,11 +212,11 @@ class RecorderNode(LiveNode):
     # ---- what happens besides ----
 
     def _on_parameters(self, node: str, values: dict[str, Any], info: Info | None) -> None:
-        self._note(
-            lambda t: append_parameters(self.folder.path, t, node, values),
-            '/parameter_events of ' + node,
-            info,
-        )
+        def write(t: float | None) -> None:
+            append_parameters(self.folder.path, t, node, values)
+            self._history.take(t, node, values)
+
+        self._note(write, '/parameter_events of ' + node, info)
 
     def _on_event(self, node: str, kind: str, message: str, info: Info) -> None:
         self._note(

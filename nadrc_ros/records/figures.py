@@ -3,63 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf, isnan, nan
+from math import inf, isfinite, isnan, nan
+from pathlib import Path
+from typing import Any
 
 import attrs
-from nadrc_ros.adrc.fields import choice, number
-from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
+from nadrc_ros.records.history import History, read_history
+from nadrc_ros.records.recording import (
+    NEEDED,
+    read_settings,
+    read_summary,
+    RecordingError,
+    RunSettings,
+    SAMPLES,
+    Samples,
+    stop_of,
+)
 from nadrc_ros.records.spacing import Spacing
 from nadrc_ros.simulation.metrics import Metrics, MetricValues
-
-
-@attrs.frozen(kw_only=True)
-class FigureSettings:
-    """What the figures of merit need to know besides the samples."""
-
-    error: str = choice(
-        'reference',
-        ('reference', 'tracking'),
-        'error of the metrics: reference - output, or ~/tracking of the controller - output',
-        live=False,
-    )
-    command_min: float = number(
-        SMALLEST,
-        SMALLEST,
-        LARGEST,
-        'command unit',
-        'lower limit, for the saturated fraction',
-        live=False,
-    )
-    command_max: float = number(
-        LARGEST,
-        SMALLEST,
-        LARGEST,
-        'command unit',
-        'upper limit, for the saturated fraction',
-        live=False,
-    )
-    settle_time: float = number(
-        0.0,
-        0.0,
-        LONGEST,
-        's',
-        'from when on peak_error counts; 0 = a tenth of duration, never without one',
-        live=False,
-    )
-
-    @property
-    def knows_limits(self) -> bool:
-        """Tell whether a limit of the command is known."""
-        return (self.command_min, self.command_max) != (SMALLEST, LARGEST)
-
-
-@attrs.frozen(kw_only=True)
-class RunSettings(FigureSettings):
-    """What ``run.json`` has: enough to compute the figures of merit from the samples."""
-
-    rate: float = number(
-        0.0, 0.0, 1e5, 'Hz', 'rows per second where they are periods; 0 = as their times say'
-    )
 
 
 class Figures:
@@ -69,6 +30,8 @@ class Figures:
     With a rate, as in lockstep, each counts for a period. Without, the last one counts for the
     usual spacing, as does one before a gap: what nobody measured is in no figure, but in
     ``gap_time``.
+
+    Where the settings name no limit of the command, the history may: what the controllers told.
 
     Attributes
     ----------
@@ -85,8 +48,10 @@ class Figures:
 
     """
 
-    def __init__(self, settings: RunSettings) -> None:
+    def __init__(self, settings: RunSettings, history: History | None = None) -> None:
         self.settings = settings
+        self._history = history or History()
+        self._lowest, self._highest = _Largest(), _Largest()
         self.rows = 0
         self.gap_time = 0.0
         self.stop: float | None = None
@@ -127,7 +92,9 @@ class Figures:
     def values(self) -> MetricValues:
         """Return the figures so far; without known limits nobody knows what was saturated."""
         found = self._metrics.values()
-        return found if self.settings.knows_limits else attrs.evolve(found, saturated_fraction=nan)
+        if self.settings.knows_limits:
+            return found
+        return attrs.evolve(found, saturated_fraction=self._told_fraction(found.duration))
 
     @property
     def rate(self) -> float:
@@ -139,6 +106,23 @@ class Figures:
         """Return how many rows there would have been without gaps."""
         passed = round(self.last * self.settings.rate) if self.settings.rate else self._passed
         return max(passed + 1, self.rows) if self.rows else 0
+
+    def _told_fraction(self, duration: float) -> float:
+        """
+        Return the share of the time at the limits that the controllers told, nan without any.
+
+        They may be told long after the first row, so that only the ends of the command were noted:
+        those are the limits, or inside them, unless somebody else commanded.
+        """
+        limits = self._history.command_limits()
+        if limits is None or not duration:
+            return nan
+        low, high = limits
+        if -self._lowest.value < low or self._highest.value > high:
+            return nan
+        at_low = self._lowest.time if -self._lowest.value == low else 0.0
+        at_high = self._highest.time if self._highest.value == high else 0.0
+        return (at_low + at_high) / duration
 
     def _length(self, span: float) -> float:
         """Return for how long a row counts after which the next one came ``span`` later [s]."""
@@ -164,4 +148,81 @@ class Figures:
         if isnan(output):
             output = values['measurement']
         saturated = command <= self.settings.command_min or command >= self.settings.command_max
-        self._metrics.add(t, h, followed - output, command, saturated)
+        error = followed - output
+        self._metrics.add(t, h, error, command, saturated)
+        if isfinite(error) and isfinite(command):  # else it is in no figure
+            self._lowest.add(-command, h)
+            self._highest.add(command, h)
+
+
+class _Largest:
+    """The largest of some values, and for how long it was there [s]."""
+
+    def __init__(self) -> None:
+        self.value = -inf
+        self.time = 0.0
+
+    def add(self, value: float, h: float) -> None:
+        if value > self.value:
+            self.value, self.time = value, 0.0
+        if value == self.value:
+            self.time += h
+
+
+def summary(figures: Figures) -> dict[str, Any]:
+    """
+    Return what every summary has, whoever makes it.
+
+    There are fewer ``rows`` than ``periods`` where there was nothing to make them of. The run
+    went on until ``stop``, with or without rows; None where nobody knows.
+    """
+    return {
+        'metrics': figures.values().as_dict(),
+        'rows': figures.rows,
+        'periods': figures.periods,
+        'rate': figures.rate,
+        'error': figures.settings.error,
+        'gap_time': figures.gap_time,
+        'stop': figures.stop,
+    }
+
+
+def summarise(folder: Path) -> dict[str, Any]:
+    """
+    Return the summary that the samples of a run amount to, with the recorder's own figures.
+
+    What they do not tell is None: how many samples were lost (a gap in time may be a measurement
+    that was never sent), and whether the run was complete.
+
+    Raises
+    ------
+    RecordingError, SettingError
+        For files that are not those of a run, or a run without samples.
+    OSError
+        For a file that cannot be read.
+
+    """
+    if folder.exists() and not (folder / SAMPLES).is_file():
+        raise RecordingError(f'not the folder of a run: there is no {SAMPLES} in it')
+    settings = read_settings(folder)
+    samples = Samples(folder)
+    for name in ('time', *NEEDED):
+        if name not in samples.names:
+            raise RecordingError(f'{SAMPLES}: no column {name}')
+    figures = Figures(settings, read_history(folder))
+    for row in samples:
+        values = dict(zip(samples.names, row))
+        time = values['time']
+        if not isfinite(time):
+            raise RecordingError(f'{SAMPLES}: the time of row {figures.rows} is not a number')
+        if figures.rows and time <= figures.last:
+            raise RecordingError(f'{SAMPLES}: the times do not increase at {time:g} s')
+        figures.add(time, values)
+    if not figures.rows:
+        raise RecordingError(f'{SAMPLES}: no samples')
+    figures.end(stop_of(read_summary(folder)))
+    return summary(figures) | {
+        'samples_lost': None,
+        'samples_lost_by_signal': None,
+        'complete': False if samples.cut else None,
+    }

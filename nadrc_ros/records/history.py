@@ -18,12 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.settings import LARGEST, SMALLEST
 from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.writing import write_json
 
 ABOUT = 'about.json'
 PARAMETERS = 'parameters.jsonl'
 EVENTS = 'events.jsonl'
+# What tells the controller of this package from other nodes.
+CONTROLLER = {'structure', 'inner_bandwidth'}
+LIMITS = ('command_min', 'command_max')
 
 Values = dict[str, Any]
 
@@ -57,6 +61,29 @@ class History:
     parameters: dict[str, Values] = attrs.field(factory=dict)
     changes: list[Change] = attrs.field(factory=list)
     events: list[Event] = attrs.field(factory=list)
+    _now: dict[str, Values] = attrs.field(factory=dict)
+
+    def take(self, time: float | None, node: str, values: Mapping[str, Any]) -> None:
+        """Add what a node told of its parameters at ``time`` [s], None before the first row."""
+        known = self._now.setdefault(node, {})
+        for name, value in values.items():
+            if name not in known or time is None:
+                self.parameters.setdefault(node, {})[name] = value
+            elif repr(value) != repr(known[name]):  # nan is not equal to itself
+                self.changes.append(Change(time, node, name, known[name], value))
+        known |= values
+
+    def command_limits(self) -> tuple[float, float] | None:
+        """Return the limits of the command that held all the time, None where nobody knows."""
+        controllers = [
+            node for node, values in self.parameters.items() if values.keys() >= CONTROLLER
+        ]
+        told = {tuple(self.parameters[node].get(name) for name in LIMITS) for node in controllers}
+        changed = any(c.name in LIMITS and c.node in controllers for c in self.changes)
+        low, high = told.pop() if len(told) == 1 and not changed else (None, None)
+        if not (isinstance(low, float) and isinstance(high, float)):
+            return None
+        return None if (low, high) == (SMALLEST, LARGEST) else (low, high)
 
 
 def write_about(folder: Path, content: Mapping[str, Any]) -> None:
@@ -94,17 +121,8 @@ def read_history(folder: Path) -> History:
     history = History(about=_about(_text(folder / ABOUT)))
     for place, line in enumerate(_text(folder / EVENTS).split('\n')[:-1], 1):
         history.events.append(_event(place, line))
-    lines = _text(folder / PARAMETERS).split('\n')[:-1]
-    now: dict[str, Values] = {}
-    for place, line in enumerate(lines, 1):
-        time, node, values = _record(place, line)
-        known = now.setdefault(node, {})
-        for name, value in values.items():
-            if name not in known or time is None:
-                history.parameters.setdefault(node, {})[name] = value
-            elif repr(value) != repr(known[name]):  # nan is not equal to itself
-                history.changes.append(Change(time, node, name, known[name], value))
-        known |= values
+    for place, line in enumerate(_text(folder / PARAMETERS).split('\n')[:-1], 1):
+        history.take(*_record(place, line))
     return history
 
 

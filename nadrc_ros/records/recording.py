@@ -12,8 +12,8 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.adrc.fields import build, declared
-from nadrc_ros.records.figures import Figures, RunSettings
+from nadrc_ros.adrc.fields import build, choice, declared, number
+from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
 from nadrc_ros.writing import write_json
 
 SETTINGS = 'run.json'
@@ -35,6 +35,56 @@ EARLIER = {'settle_time': 2.0}
 
 class RecordingError(UserError):
     """What a folder holds is not a recorded run; the message says which file and why."""
+
+
+@attrs.frozen(kw_only=True)
+class FigureSettings:
+    """What the figures of merit need to know besides the samples."""
+
+    error: str = choice(
+        'reference',
+        ('reference', 'tracking'),
+        'error of the metrics: reference - output, or ~/tracking of the controller - output',
+        live=False,
+    )
+    command_min: float = number(
+        SMALLEST,
+        SMALLEST,
+        LARGEST,
+        'command unit',
+        'lower limit, for the saturated fraction; with neither, those of the controller',
+        live=False,
+    )
+    command_max: float = number(
+        LARGEST,
+        SMALLEST,
+        LARGEST,
+        'command unit',
+        'upper limit, for the saturated fraction; with neither, those of the controller',
+        live=False,
+    )
+    settle_time: float = number(
+        0.0,
+        0.0,
+        LONGEST,
+        's',
+        'from when on peak_error counts; 0 = a tenth of duration, never without one',
+        live=False,
+    )
+
+    @property
+    def knows_limits(self) -> bool:
+        """Tell whether a limit of the command is known."""
+        return (self.command_min, self.command_max) != (SMALLEST, LARGEST)
+
+
+@attrs.frozen(kw_only=True)
+class RunSettings(FigureSettings):
+    """What ``run.json`` has: enough to compute the figures of merit from the samples."""
+
+    rate: float = number(
+        0.0, 0.0, 1e5, 'Hz', 'rows per second where they are periods; 0 = as their times say'
+    )
 
 
 def topic_of(name: str, plant: str = 'plant', controller: str = 'controller') -> str:
@@ -162,65 +212,6 @@ def read_samples(folder: Path) -> dict[str, list[float]]:
     samples = Samples(folder)
     rows = list(samples)
     return {name: [row[i] for row in rows] for i, name in enumerate(samples.names)}
-
-
-def summary(figures: Figures) -> dict[str, Any]:
-    """
-    Return what every summary has, whoever makes it.
-
-    There are fewer ``rows`` than ``periods`` where there was nothing to make them of. The run
-    went on until ``stop``, with or without rows; None where nobody knows.
-    """
-    return {
-        'metrics': figures.values().as_dict(),
-        'rows': figures.rows,
-        'periods': figures.periods,
-        'rate': figures.rate,
-        'error': figures.settings.error,
-        'gap_time': figures.gap_time,
-        'stop': figures.stop,
-    }
-
-
-def summarise(folder: Path) -> dict[str, Any]:
-    """
-    Return the summary that the samples of a run amount to, with the recorder's own figures.
-
-    What they do not tell is None: how many samples were lost (a gap in time may be a measurement
-    that was never sent), and whether the run was complete.
-
-    Raises
-    ------
-    RecordingError, SettingError
-        For files that are not those of a run, or a run without samples.
-    OSError
-        For a file that cannot be read.
-
-    """
-    if folder.exists() and not (folder / SAMPLES).is_file():
-        raise RecordingError(f'not the folder of a run: there is no {SAMPLES} in it')
-    settings = read_settings(folder)
-    samples = Samples(folder)
-    for name in ('time', *NEEDED):
-        if name not in samples.names:
-            raise RecordingError(f'{SAMPLES}: no column {name}')
-    figures = Figures(settings)
-    for row in samples:
-        values = dict(zip(samples.names, row))
-        time = values['time']
-        if not isfinite(time):
-            raise RecordingError(f'{SAMPLES}: the time of row {figures.rows} is not a number')
-        if figures.rows and time <= figures.last:
-            raise RecordingError(f'{SAMPLES}: the times do not increase at {time:g} s')
-        figures.add(time, values)
-    if not figures.rows:
-        raise RecordingError(f'{SAMPLES}: no samples')
-    figures.end(stop_of(read_summary(folder)))
-    return summary(figures) | {
-        'samples_lost': None,
-        'samples_lost_by_signal': None,
-        'complete': False if samples.cut else None,
-    }
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

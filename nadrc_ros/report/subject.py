@@ -10,12 +10,13 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.records.figures import Figures, RunSettings
+from nadrc_ros.records.figures import Figures
 from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recorded_run import OWN, read_run, RecordedRun
 from nadrc_ros.records.recording import (
     read_settings,
     RecordingError,
+    RunSettings,
     SAMPLES,
     SETTINGS,
 )
@@ -194,7 +195,7 @@ def make_subject(run: RecordedRun, history: History, begin: float | None = None)
     figures = _figures(run, start)
     settings, plant = controller_settings(history), plant_gain(history)
     truth = run.columns.get('total_disturbance', np.full(len(run.columns['time']), np.nan))
-    sums, known = _sums(run, figures, start), bool(settings and plant)
+    sums, known = _sums(run, Figures(figures, history), start), bool(settings and plant)
     if known:
         gains = [(time, each.b0) for time, each in settings]
         truth = referred(run.columns['time'], run.columns['command'], truth, plant, gains)
@@ -226,8 +227,7 @@ def _figures(run: RecordedRun, start: float) -> RunSettings:
     return RunSettings(settle_time=START * (float(run.columns['time'][-1]) - start))
 
 
-def _sums(run: RecordedRun, figures: RunSettings, start: float) -> Figures:
-    found = Figures(figures)
+def _sums(run: RecordedRun, found: Figures, start: float) -> Figures:
     columns = {name: values.tolist() for name, values in run.columns.items()}
     for row in zip(*columns.values()):
         values = dict(zip(columns, row))

@@ -63,7 +63,7 @@ def _alone(subjects: Mapping[str, Subject]) -> str:
         begin = f'{subject.figures.settle_time:.4g} s'
         text = f'From {begin} on the error stayed within {metrics.peak_error:.4g}'
     text += f' (RMSE {metrics.rmse:.4g} over all); ITAE is {metrics.itae:.4g}'
-    if subject.figures.knows_limits:
+    if not isnan(metrics.saturated_fraction):
         share = shown('saturated_fraction', metrics.saturated_fraction)
         text += f', and the command was at a limit for {share} of the time'
     return text + '.'

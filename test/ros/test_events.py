@@ -10,8 +10,9 @@ from typing import Any
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import Event, read_history
-from nadrc_ros.records.recording import read_samples, summarise, SUMMARY
+from nadrc_ros.records.recording import read_samples, SUMMARY
 from probe import Probe
 import pytest
 

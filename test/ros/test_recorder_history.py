@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import datetime
 import json
+from math import isfinite
 from pathlib import Path
 import signal
 import time
 from typing import Any
 
 from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import ABOUT, History, PARAMETERS, read_history
-from nadrc_ros.records.recording import read_samples, SAMPLES
+from nadrc_ros.records.recording import read_samples, SAMPLES, SUMMARY
+from nadrc_ros.report.subject import read_subjects
 from probe import Probe, Processes
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
@@ -126,6 +129,54 @@ def test_stamps_versions_and_parameters_go_into_every_run(
     assert read_history(second).parameters[source]['gain'] == 2.0
     assert not read_history(second).changes
     assert len((second / PARAMETERS).read_text().splitlines()) == 1
+
+
+def test_without_limits_of_its_own_a_recorder_takes_those_that_the_controller_tells(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    """Live, in the summary, from the files: at a limit for two of four rows, then for nobody."""
+    values = {'inputs': 'reference measurement command', 'directory': str(tmp_path)}
+    probe = make_probe(parameters={'recorder': values})
+    for name, value in (('structure', 'nested'), ('inner_bandwidth', 40.0)):
+        probe.node.declare_parameter(name, value)
+    for name, value in (('command_min', -2.0), ('command_max', 2.0)):
+        probe.node.declare_parameter(name, value)
+    recorder = probe.add(RecorderNode())
+    live = probe.listen('recorder/saturated_fraction')
+    refer, measure, command = (
+        probe.publisher(topic) for topic in ('reference', 'measurement', 'command')
+    )
+    losses = recorder.intake.losses
+
+    def period(u: float) -> None:
+        for name, send in (('reference', refer), ('measurement', measure), ('command', command)):
+            n = losses[name].newest or 0
+            send(u if name == 'command' else 0.0)
+            probe.wait_until(lambda: (losses[name].newest or 0) > n)  # noqa: B023
+
+    source = f'{probe.namespace}/probe'
+    probe.wait_until(lambda: source in recorder._watch.known)
+    for u in (0.0, 2.0, -2.0, 1.0):
+        period(u)
+        probe.spin(0.1)
+    probe.wait_until(lambda: live and isfinite(live[-1]) and recorder.figures.rows >= 3)
+    assert recorder.figures.values().saturated_fraction == live[-1] > 0.3
+    probe.node.set_parameters([Parameter('command_max', value=1.5)])
+    probe.wait_until(lambda: recorder._watch.known[source]['command_max'] == 1.5)
+    period(0.0)
+    assert probe.trigger('recorder/reset').success
+    period(1.5)
+    probe.spin(0.1)
+    period(-2.0)
+    assert probe.trigger('recorder/reset').success
+
+    for number, known in ((0, False), (1, True)):
+        folder = the_run(tmp_path, number)
+        recorded = json.loads((folder / SUMMARY).read_text())['metrics']
+        assert recorded == summarise(folder)['metrics']
+        ((_, subject),) = read_subjects([folder]).items()
+        assert subject.metrics.as_dict() == recorded
+        assert recorded['saturated_fraction'] == (1.0 if known else None)
 
 
 def test_p16_a_parameter_event_of_a_type_that_does_not_exist_ends_nothing(

@@ -12,9 +12,9 @@ import sys
 from typing import Any
 
 from feed import Feed, INPUTS, PERIOD
-from nadrc_ros.records.figures import RunSettings
+from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import read_history
-from nadrc_ros.records.recording import read_samples, RunFolder, SAMPLES, summarise, SUMMARY
+from nadrc_ros.records.recording import read_samples, RunFolder, RunSettings, SAMPLES, SUMMARY
 from nadrc_ros.report.subject import read_subjects
 from nadrc_ros.ros.diagnostics import OK, WARN
 from probe import Probe, Processes

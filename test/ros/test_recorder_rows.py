@@ -11,8 +11,9 @@ import time
 from feed import Feed, INPUTS, PERIOD
 from nadrc_ros.nodes.plant import LONGEST_STALL, PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import read_history
-from nadrc_ros.records.recording import read_samples, SAMPLES, STAMPS, summarise
+from nadrc_ros.records.recording import read_samples, SAMPLES, STAMPS
 from nadrc_ros.ros.diagnostics import WARN
 from probe import Probe
 import pytest
