@@ -34,9 +34,9 @@ from typing import Any
 import attrs
 from bench.results import over, save, show
 from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.law import blank_state
 from nadrc_ros.adrc.observer import place
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.simulation import metrics
 from nadrc_ros.simulation.experiment import Experiment, simulate
 from nadrc_ros.simulation.integrate import Integrator, substeps_for

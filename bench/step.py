@@ -20,8 +20,9 @@ from typing import Any
 
 from bench.results import over, save, show
 from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.law import blank_state, init, step
+from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import blank_state, init
 import numpy as np
 import numpy.typing as npt
 

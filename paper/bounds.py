@@ -14,9 +14,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from nadrc_ros.adrc.design import Design, make_design
-from nadrc_ros.adrc.law import blank_state
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.theory.bounds import error_rate, residuals, sharp, theorem_1
 from nadrc_ros.theory.lyapunov import lyapunov
 import numpy as np

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
-from nadrc_ros.adrc.law import blank_state, start, step
+from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import blank_state, start
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.metrics import Metrics, MetricValues

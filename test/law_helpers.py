@@ -10,9 +10,10 @@ from typing import Any
 from hypothesis import settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design, make_design
-from nadrc_ros.adrc.law import blank_state, init, State, step
+from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import blank_state, init, State
 from nadrc_ros.adrc.structures import STRUCTURES
 
 NAN = float('nan')
@@ -35,7 +36,7 @@ def bits(values: Sequence[float]) -> list[str]:
 
 
 def state_bits(state: State) -> list[list[str]]:
-    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.risen)]
+    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.startup)]
 
 
 def copy_of(state: State) -> State:
@@ -43,9 +44,9 @@ def copy_of(state: State) -> State:
         [list(level) for level in state.levels],
         list(state.profile),
         list(state.offset),
-        list(state.usual),
-        list(state.risen),
-        list(state.waited),
+        list(state.smoothed),
+        list(state.startup),
+        list(state.since_sample),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)

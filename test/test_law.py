@@ -21,7 +21,9 @@ from law_helpers import (
     state_bits,
     varied_settings,
 )
-from nadrc_ros.adrc.law import blank_state, clamp, init, limit, meet, raw_command, start, step
+from nadrc_ros.adrc.law import step
+from nadrc_ros.adrc.limiter import clamp, limit
+from nadrc_ros.adrc.state import blank_state, init, match_command, raw_command, start
 from nadrc_ros.adrc.status import Status
 import pytest
 
@@ -257,7 +259,7 @@ def test_meet_makes_the_command(case: str) -> None:
     law = Law(design_of(**CASES[case]))
     for y in noise(1, 30, 0.1):
         law.step([0.5, 0.1], y, H)
-    meet(law.design, law.state, 0.123)
+    match_command(law.design, law.state, 0.123)
     assert raw_command(law.design, law.state) == pytest.approx(0.123, abs=1e-9)
 
 

@@ -6,8 +6,8 @@ import random
 from typing import Any
 
 from law_helpers import design_of, NAN, state_bits, varied_settings
-from nadrc_ros.adrc import controller
-from nadrc_ros.adrc.law import blank_state
+from nadrc_ros.adrc import tick as law
+from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.supervisor import Mode, Watch
 from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
@@ -24,7 +24,7 @@ def compiled() -> Any:
     share_law()
 
     def alone(*arguments: Any) -> Any:  # calls the one that the loops call
-        return controller.tick(*arguments)
+        return law.tick(*arguments)
 
     return numba.njit(alone)
 
@@ -33,7 +33,7 @@ def compiled() -> Any:
 def test_p18_compiled_and_plain_give_the_same_bits(case: str, compiled: Any) -> None:
     """Over jittered ticks with bad samples, lost references, gaps and an enable switch at work."""
     design = design_of(**CASES[case], reference_timeout=0.05, max_dt=0.1)
-    runs = [run(design, controller.tick, plain=True), run(design, compiled, plain=False)]
+    runs = [run(design, law.tick, plain=True), run(design, compiled, plain=False)]
     assert runs[0] == runs[1]
     commands, modes, states = runs[0]
     assert len(set(commands)) > 5 and len(set(states)) > TICKS / 20

@@ -11,8 +11,9 @@ from law_helpers import Chain, NAMES, noise, varied_settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
-from nadrc_ros.adrc.law import limit, raw_command
+from nadrc_ros.adrc.limiter import limit
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import raw_command
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Cause, Mode
 import pytest
@@ -289,7 +290,7 @@ def test_p12_a_change_is_no_start_of_the_observers() -> None:
     for _ in range(50):
         loop.tick()
     assert retuned.total_disturbance == pytest.approx(kept.total_disturbance)
-    assert retuned.state.risen == kept.state.risen
+    assert retuned.state.startup == kept.state.startup
 
 
 @pytest.mark.parametrize('structure', NAMES)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from law_helpers import design_of, Observer
-from nadrc_ros.adrc.controller import tick
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.law import blank_state
+from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.supervisor import Watch
+from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
 from nadrc_ros.theory.delayed import command_variance, delayed_loop

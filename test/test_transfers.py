@@ -7,10 +7,11 @@ from math import sin
 
 from law_helpers import Chain, state_bits
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.law import approach, disturbance_estimate, output_estimate
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Cause
+from nadrc_ros.adrc.transfer import restart_profile
 import pytest
 
 H = 0.01
@@ -119,7 +120,7 @@ def test_a_profile_that_is_moved_leaves_what_is_known_of_the_plant(
     design, state = controller.design, controller.state
     before = output_estimate(design, state), disturbance_estimate(design, state)
     assert state.profile[1] > 0.0
-    approach(design, 7.0, state)
+    restart_profile(design, 7.0, state)
     assert state.profile == [7.0] + [0.0] * order
     after = output_estimate(design, state), disturbance_estimate(design, state)
     assert after == pytest.approx(before, abs=1e-9)

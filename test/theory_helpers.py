@@ -7,7 +7,8 @@ from typing import Any
 
 from law_helpers import design_of, Law, NAMES
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.law import blank_state, step
+from nadrc_ros.adrc.law import step
+from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.theory.system import Array, StateSpace, zero_order_hold
 import numpy as np
 

@@ -1,139 +1,24 @@
 """
-The law as pure functions: N-ADRC from one sample to one command.
+The law as a pure function: N-ADRC from one sample to one command.
 
-State is explicit. ``step`` reads one state and writes another that never aliases it, so that
-replay, rollback and a bumpless change of settings are ordinary assignments. Nothing here raises:
-bad input gives a :class:`Status`, and the state after ``step`` equals the one before to the bit.
-``wait`` then takes the command of that tick into the mean that the next good sample is told.
+Nothing here raises: bad input gives a :class:`Status`, and the state after ``step`` equals the one
+before to the bit.
 """
 
 from __future__ import annotations
 
-from math import copysign, exp, inf, isfinite
+from math import copysign, exp, isfinite
 
-import attrs
-from nadrc_ros.adrc.design import Design, Matrix, Vector
+from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
-from nadrc_ros.adrc.feedback import feedback
+from nadrc_ros.adrc.limiter import clamp, limit
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import LARGEST, SMALLEST
-from nadrc_ros.adrc.status import (
-    BAD_REFERENCE,
-    BAD_TIME_STEP,
-    NO_MEASUREMENT,
-    OK,
-    RATE_LIMITED,
-    RESTARTED,
-    SATURATED,
-)
+from nadrc_ros.adrc.state import copy_state, copy_vector, match_command, raw_command, rest, State
+from nadrc_ros.adrc.status import BAD_REFERENCE, BAD_TIME_STEP, NO_MEASUREMENT, RESTARTED
 
 # Resolution of a time stamp [s].
-SHORTEST = 1e-9
-
-
-@attrs.frozen
-class State:
-    """
-    State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
-
-    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (2,)
-    is what a bumpless transfer added to the command: at a takeover, decaying with the controller
-    bandwidth, and what is noise of one sample, decaying with that of the inner observer.
-    ``usual`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
-    once and twice.
-    ``risen`` (1,) is how far the observers are through their rise after the first start, from 0 to
-    1. ``waited`` (2,) is the mean command of the ticks without a sample that followed the last
-    one, and their time [s]. ``scratch`` (K + 2, N) remembers the observer gains of the last time
-    step: it changes the speed of a step, and nothing else.
-    """
-
-    levels: Matrix
-    profile: Vector
-    offset: Vector
-    usual: Vector
-    risen: Vector
-    waited: Vector
-    scratch: Matrix
-
-
-def blank_state(design: Design) -> State:
-    """Return a state of the right shape, all zero."""
-    return State(
-        [[0.0] * design.states for _ in range(design.levels)],
-        [0.0] * (design.order + 1),
-        [0.0, 0.0],
-        [0.0, 0.0],
-        [0.0],
-        [0.0, 0.0],
-        [[0.0] * design.states for _ in range(design.levels + 2)],
-    )
-
-
-def start(
-    design: Design, measurement: float, applied: float, reference: float, out: State
-) -> None:
-    """
-    Write into ``out`` the state of a first start, at rest: the observers rise from here.
-
-    The profile starts at the measurement with the tracking differentiator, at the reference
-    without.
-    """
-    origin = measurement if design.tracking_acceleration > 0.0 else reference
-    rest(design, measurement, applied, origin, out)
-    out.risen[0] = 0.0
-
-
-def rest(design: Design, measurement: float, applied: float, origin: float, out: State) -> None:
-    """Write estimates and profile at rest: y measured, y' = 0 and d_1 = -b0 u, which keeps it."""
-    for k in range(design.levels):
-        for i in range(design.states):
-            out.levels[k][i] = 0.0
-    for i in range(design.order + 1):
-        out.profile[i] = 0.0
-    out.profile[0] = origin
-    for k in range(design.levels):
-        out.levels[k][0] = measurement - origin if design.error_based else measurement
-    out.levels[0][design.order] = -design.b0 * applied
-    out.offset[0] = out.offset[1] = 0.0
-    out.waited[1] = 0.0
-    out.usual[0] = out.usual[1] = raw_command(design, out)
-
-
-def init(
-    design: Design, measurement: float, applied: float, reference: float | None = None
-) -> State:
-    """Return the state at rest at ``measurement`` under ``applied``; reference defaults to y."""
-    state = blank_state(design)
-    start(design, measurement, applied, measurement if reference is None else reference, state)
-    return state
-
-
-def copy_vector(source: Vector, out: Vector) -> None:
-    """Copy ``source``; a slice would double what numba has to compile, for its error messages."""
-    i, size = 0, len(source)
-    while i < size:
-        out[i] = source[i]
-        i += 1
-
-
-def copy_state(state: State, out: State) -> None:
-    """Copy ``state`` into ``out``."""
-    for k in range(len(state.levels)):
-        copy_vector(state.levels[k], out.levels[k])
-    copy_vector(state.profile, out.profile)
-    copy_vector(state.offset, out.offset)
-    copy_vector(state.usual, out.usual)
-    out.risen[0] = state.risen[0]
-    copy_vector(state.waited, out.waited)
-
-
-def wait(state: State, applied: float, elapsed: float) -> None:
-    """Take into the mean of the commands since the last sample the one of a tick without one."""
-    mean, waited = state.waited[0], state.waited[1]
-    total = waited + elapsed
-    share = elapsed / total if waited > 0.0 and total < inf else 1.0
-    state.waited[0] = mean + (applied - mean) * share if share < 1.0 else applied
-    state.waited[1] = total
+_SHORTEST_STEP = 1e-9
 
 
 def step(
@@ -173,9 +58,10 @@ def step(
         inside the limits.
 
     """
+    # Comparisons with nan are false: each is written so that false refuses.
     if not design.measurement_min <= measurement <= design.measurement_max:
         return _refuse(design, state, applied, out, NO_MEASUREMENT)
-    if not dt >= SHORTEST:
+    if not dt >= _SHORTEST_STEP:
         return _refuse(design, state, applied, out, BAD_TIME_STEP)
     if not SMALLEST <= applied <= LARGEST:
         applied = design.safe_command
@@ -198,17 +84,17 @@ def step(
     if design.error_based:
         observed -= profile[0]
     speed = 1.0
-    risen = state.risen[0]
-    if risen < 1.0:
-        risen = rise(risen, dt, design.startup_time)
-        speed = risen * risen * risen
-    out.risen[0] = risen
-    acted, waited = applied, state.waited[1]
+    startup = state.startup[0]
+    if startup < 1.0:
+        startup = rise(startup, dt, design.startup_time)
+        speed = startup * startup * startup
+    out.startup[0] = startup
+    acted, waited = applied, state.since_sample[1]
     if waited > 0.0:
-        acted = state.waited[0]
-        if waited < dt:
+        acted = state.since_sample[0]
+        if waited < dt:  # ticks and samples are timed by different clocks: the rest is ``applied``
             acted += (applied - acted) * (1.0 - waited / dt)
-    out.waited[1] = 0.0
+    out.since_sample[1] = 0.0
     update(design, state.levels, observed, acted, dt, speed, out.levels, out.scratch)
     offset = state.offset[0]
     out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
@@ -218,13 +104,13 @@ def step(
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(design, state, reference, measurement, applied, out)
     share = 1.0
-    if state.risen[0] > 0.0:  # at the first step of all nothing was usual before
+    if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
         share /= 1.0 + share
-    once, twice = state.usual[0], state.usual[1]
+    once, twice = state.smoothed[0], state.smoothed[1]
     once += (raw - out.offset[0] - out.offset[1] - once) * share
-    out.usual[0] = once
-    out.usual[1] = twice + (once - twice) * share
+    out.smoothed[0] = once
+    out.smoothed[1] = twice + (once - twice) * share
     if offset != 0.0:
         excess = raw - clamp(design, raw)
         if excess * offset > 0.0:  # an offset met under a bad sample must not wind up
@@ -233,7 +119,7 @@ def step(
     return limit(design, raw, applied, dt)
 
 
-def rise(risen: float, dt: float, startup_time: float) -> float:
+def rise(startup: float, dt: float, startup_time: float) -> float:
     """
     Return how far a start is by now: the share t / T of which the cube slows the observers.
 
@@ -244,103 +130,7 @@ def rise(risen: float, dt: float, startup_time: float) -> float:
     """
     if not dt < startup_time:
         return 1.0
-    return min(1.0, risen + dt / startup_time)
-
-
-def raw_command(design: Design, state: State) -> float:
-    """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits."""
-    levels = state.levels
-    order = design.order
-    reference = design.no_reference if design.error_based else state.profile
-    v = feedback(design, levels[design.feedback_level], reference)
-    k = design.cancelled
-    while k > 0:
-        k -= 1
-        v -= levels[k][order]
-    return v / design.b0 + state.offset[0] + state.offset[1]
-
-
-def output_estimate(design: Design, state: State) -> float:
-    """Return y as the level that feeds the law estimates it."""
-    estimate = state.levels[design.feedback_level][0]
-    return estimate + state.profile[0] if design.error_based else estimate
-
-
-def disturbance_estimate(design: Design, state: State) -> float:
-    """Return the estimate of L = y^(n) - b0 u, the sum of the levels."""
-    total = 0.0
-    for k in range(design.levels):
-        total += state.levels[k][design.order]
-    return total + state.profile[design.order] if design.error_based else total
-
-
-def clamp(design: Design, command: float) -> float:
-    """Return ``command`` inside its limits, ``safe_command`` if it is not finite."""
-    if not isfinite(command):
-        return design.safe_command
-    if command > design.command_max:
-        return design.command_max
-    if command < design.command_min:
-        return design.command_min
-    return command
-
-
-def limit(design: Design, raw: float, applied: float, dt: float) -> tuple[float, int]:
-    """Limit the change since ``applied`` to the rate limit times ``dt``, then the magnitude."""
-    status = OK
-    if design.command_rate_limit > 0.0:
-        change = design.command_rate_limit * dt
-        if raw > applied + change:
-            raw = applied + change
-            status = RATE_LIMITED
-        elif raw < applied - change:
-            raw = applied - change
-            status = RATE_LIMITED
-    if raw > design.command_max:
-        return design.command_max, SATURATED
-    if raw < design.command_min:
-        return design.command_min, SATURATED
-    return raw, status
-
-
-def meet(design: Design, state: State, command: float) -> None:
-    """
-    Set the offset so that ``state`` gives ``command`` inside the limits, if it does not anyway.
-
-    The estimates stay what they are. A disturbance estimate made to fit instead would be wrong by
-    as much, and its correction would drive the plant the wrong way first. What the law asks for
-    beyond what is usual is the noise of one sample, which a slow loop would integrate for long: so
-    that part decays with the inner observer.
-    """
-    raw = raw_command(design, state)
-    if clamp(design, raw) != command:
-        law = raw - state.offset[0] - state.offset[1]
-        state.offset[1] = 2.0 * state.usual[0] - state.usual[1] - law  # it does not lag a ramp
-        state.offset[0] += command - raw_command(design, state)
-
-
-def rejoin(design: Design, reference: Vector, state: State, applied: float, dt: float) -> None:
-    """Let the profile be the reference as it is by now, without a bump."""
-    if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
-        command = limit(design, raw_command(design, state), applied, dt)[0]
-        copy_vector(reference, state.profile)
-        raw = raw_command(design, state)
-        if limit(design, raw, applied, dt)[0] != command:
-            state.offset[0] += command - raw
-
-
-def approach(design: Design, start_value: float, state: State) -> None:
-    """Let the profile rest at ``start_value``; error-based estimates move along with it."""
-    before = raw_command(design, state)
-    for i in range(design.order + 1):
-        origin = start_value if i == 0 else 0.0
-        if design.error_based:  # d_1 is of L - r^(n)
-            for k in range(design.levels if i < design.order else 1):
-                state.levels[k][i] += state.profile[i] - origin
-        state.profile[i] = origin
-    change = raw_command(design, state) - before
-    state.usual[0] += change
-    state.usual[1] += change
+    return min(1.0, startup + dt / startup_time)
 
 
 def _restart(
@@ -358,9 +148,9 @@ def _restart(
         profile = reference
     rest(design, measurement, applied, profile[0], out)
     copy_vector(profile, out.profile)
-    out.usual[0] = out.usual[1] = raw_command(design, out)
-    out.risen[0] = state.risen[0]
-    meet(design, out, applied)
+    out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
+    out.startup[0] = state.startup[0]
+    match_command(design, out, applied)
     return clamp(design, applied), RESTARTED
 
 

@@ -22,10 +22,24 @@ import pickle
 from types import FunctionType, ModuleType
 from typing import Any
 
-from nadrc_ros.adrc import controller, differentiator, feedback, law, observer, supervisor
-from nadrc_ros.adrc.controller import tick
-from nadrc_ros.adrc.law import disturbance_estimate, output_estimate
+from nadrc_ros.adrc import (
+    differentiator,
+    feedback,
+    law,
+    limiter,
+    observer,
+    supervisor,
+    transfer,
+)
+from nadrc_ros.adrc import (
+    state as state_module,
+)
+from nadrc_ros.adrc import (
+    tick as tick_module,
+)
 from nadrc_ros.adrc.settings import LARGEST, REFERENCE_DERIVATIVES, SMALLEST
+from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
+from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import LEVELS
 from nadrc_ros.simulation.metrics import accumulate
@@ -37,7 +51,10 @@ from numba.core.event import Event, install_listener, Listener
 from numba.extending import intrinsic, overload, register_jitable
 import numpy as np
 
-LAW = (observer, feedback, differentiator, law, supervisor, controller)
+LAW = (
+    *(limiter, feedback, state_module, differentiator, observer),
+    *(law, transfer, supervisor, tick_module),
+)
 SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
 # So many combinations of classes are kept ready; a further one is read from disk again.
 KEPT = 64
@@ -45,7 +62,10 @@ KEPT = 64
 ENTRIES = 1 + REFERENCE_DERIVATIVES
 # All others are inlined, which makes the loop six times as fast; these would double the time to
 # compile for nothing.
-SELDOM = (law._refuse, law._restart, law.start, law.rest, law.approach, observer.place)
+SELDOM = (
+    *(law._refuse, law._restart, state_module.start, state_module.rest),
+    *(transfer.restart_profile, observer.place),
+)
 
 
 @intrinsic

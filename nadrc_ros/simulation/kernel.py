@@ -13,8 +13,8 @@ from typing import Any, TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.law import blank_state, State
 from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
+from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Watch
 from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.law import State
+from nadrc_ros.adrc.state import State
 from nadrc_ros.simulation.vector import MutableVector
 
 

@@ -1,9 +1,15 @@
-"""A bumpless change of settings: the state of one design as that of another."""
+"""
+Bumpless transfers: a state is made to fit other settings or another reference.
+
+What the limits leave of the command is as before. Where the law alone would ask for another one,
+an offset that decays makes up for the difference.
+"""
 
 from __future__ import annotations
 
 from nadrc_ros.adrc.design import Design, Vector
-from nadrc_ros.adrc.law import approach, blank_state, limit, raw_command, State
+from nadrc_ros.adrc.limiter import limit
+from nadrc_ros.adrc.state import blank_state, copy_vector, raw_command, State
 
 
 def retune(
@@ -49,16 +55,42 @@ def retune(
     after.offset[:] = state.offset
     if new.controller_bandwidth < old.controller_bandwidth:
         after.offset[:] = 0.0, sum(state.offset)
-    after.risen[:] = state.risen
-    after.usual[:] = state.usual
-    after.waited[:] = state.waited
+    after.startup[:] = state.startup
+    after.smoothed[:] = state.smoothed
+    after.since_sample[:] = state.since_sample
     command = limit(old, raw_command(old, state), applied, dt)[0]
     raw = raw_command(new, after)
     if limit(new, raw, applied, dt)[0] != command:
         after.offset[1] += command - raw
     if old.tracking_acceleration > 0.0 >= new.tracking_acceleration:
         raw = raw_command(new, after)
-        approach(new, reference[0], after)
+        restart_profile(new, reference[0], after)
         after.profile[:] = reference
         after.offset[0] += raw - raw_command(new, after)
     return after
+
+
+def restart_profile(design: Design, start_value: float, state: State) -> None:
+    """Let the profile rest at ``start_value``; error-based estimates move along with it."""
+    before = raw_command(design, state)
+    for i in range(design.order + 1):
+        origin = start_value if i == 0 else 0.0
+        if design.error_based:  # d_1 is of L - r^(n)
+            for k in range(design.levels if i < design.order else 1):
+                state.levels[k][i] += state.profile[i] - origin
+        state.profile[i] = origin
+    change = raw_command(design, state) - before
+    state.smoothed[0] += change
+    state.smoothed[1] += change
+
+
+def adopt_reference(
+    design: Design, reference: Vector, state: State, applied: float, dt: float
+) -> None:
+    """Let the profile be the reference as it is by now, without a bump."""
+    if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
+        command = limit(design, raw_command(design, state), applied, dt)[0]
+        copy_vector(reference, state.profile)
+        raw = raw_command(design, state)
+        if limit(design, raw, applied, dt)[0] != command:
+            state.offset[0] += command - raw

@@ -1,0 +1,163 @@
+"""
+The state of one controller, and what can be read from it or set in it without a sample.
+
+State is explicit: ``law.step`` reads one and writes another that never aliases it, so that replay,
+rollback and a bumpless change of settings are ordinary assignments.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+import attrs
+from nadrc_ros.adrc.design import Design, Matrix, Vector
+from nadrc_ros.adrc.feedback import feedback
+from nadrc_ros.adrc.limiter import clamp
+
+
+@attrs.frozen
+class State:
+    """
+    State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
+
+    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (2,)
+    is what a bumpless transfer added to the command: at a takeover, decaying with the controller
+    bandwidth, and what is noise of one sample, decaying with that of the inner observer.
+    ``smoothed`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
+    once and twice. ``startup`` (1,) is how far the observers are through their rise after the
+    first start, from 0 to 1. ``since_sample`` (2,) is the mean command of the ticks without a
+    sample that followed the last one, and their time [s]. ``scratch`` (K + 2, N) remembers the
+    observer gains of the last time step: it changes the speed of a step, and nothing else.
+    """
+
+    levels: Matrix
+    profile: Vector
+    offset: Vector
+    smoothed: Vector
+    startup: Vector
+    since_sample: Vector
+    scratch: Matrix
+
+
+def blank_state(design: Design) -> State:
+    """Return a state of the right shape, all zero."""
+    return State(
+        [[0.0] * design.states for _ in range(design.levels)],
+        [0.0] * (design.order + 1),
+        [0.0, 0.0],
+        [0.0, 0.0],
+        [0.0],
+        [0.0, 0.0],
+        [[0.0] * design.states for _ in range(design.levels + 2)],
+    )
+
+
+def start(
+    design: Design, measurement: float, applied: float, reference: float, out: State
+) -> None:
+    """
+    Write into ``out`` the state of a first start, at rest: the observers rise from here.
+
+    The profile starts at the measurement with the tracking differentiator, at the reference
+    without.
+    """
+    origin = measurement if design.tracking_acceleration > 0.0 else reference
+    rest(design, measurement, applied, origin, out)
+    out.startup[0] = 0.0
+
+
+def rest(design: Design, measurement: float, applied: float, origin: float, out: State) -> None:
+    """Write estimates and profile at rest: y measured, y' = 0 and d_1 = -b0 u, which keeps it."""
+    for k in range(design.levels):
+        for i in range(design.states):
+            out.levels[k][i] = 0.0
+    for i in range(design.order + 1):
+        out.profile[i] = 0.0
+    out.profile[0] = origin
+    for k in range(design.levels):
+        out.levels[k][0] = measurement - origin if design.error_based else measurement
+    out.levels[0][design.order] = -design.b0 * applied
+    out.offset[0] = out.offset[1] = 0.0
+    out.since_sample[1] = 0.0
+    out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
+
+
+def init(
+    design: Design, measurement: float, applied: float, reference: float | None = None
+) -> State:
+    """Return the state at rest at ``measurement`` under ``applied``; reference defaults to y."""
+    state = blank_state(design)
+    start(design, measurement, applied, measurement if reference is None else reference, state)
+    return state
+
+
+def copy_vector(source: Vector, out: Vector) -> None:
+    """Copy ``source``; a slice would double what numba has to compile, for its error messages."""
+    i, size = 0, len(source)
+    while i < size:
+        out[i] = source[i]
+        i += 1
+
+
+def copy_state(state: State, out: State) -> None:
+    """Copy ``state`` into ``out``."""
+    for k in range(len(state.levels)):
+        copy_vector(state.levels[k], out.levels[k])
+    copy_vector(state.profile, out.profile)
+    copy_vector(state.offset, out.offset)
+    copy_vector(state.smoothed, out.smoothed)
+    out.startup[0] = state.startup[0]
+    copy_vector(state.since_sample, out.since_sample)
+
+
+def average_command(state: State, applied: float, elapsed: float) -> None:
+    """Take into the mean of the commands since the last sample the one of a tick without one."""
+    mean, waited = state.since_sample[0], state.since_sample[1]
+    total = waited + elapsed
+    share = elapsed / total if waited > 0.0 and total < inf else 1.0
+    state.since_sample[0] = mean + (applied - mean) * share if share < 1.0 else applied
+    state.since_sample[1] = total
+
+
+def raw_command(design: Design, state: State) -> float:
+    """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits."""
+    levels = state.levels
+    order = design.order
+    reference = design.no_reference if design.error_based else state.profile
+    v = feedback(design, levels[design.feedback_level], reference)
+    k = design.cancelled
+    while k > 0:
+        k -= 1
+        v -= levels[k][order]
+    return v / design.b0 + state.offset[0] + state.offset[1]
+
+
+def match_command(design: Design, state: State, command: float) -> None:
+    """
+    Set the offset so that ``state`` gives ``command`` inside the limits, if it does not anyway.
+
+    The estimates stay what they are. A disturbance estimate made to fit instead would be wrong by
+    as much, and its correction would drive the plant the wrong way first. What the law asks for
+    beyond what is usual is the noise of one sample, which a slow loop would integrate for long: so
+    that part decays with the inner observer.
+    """
+    raw = raw_command(design, state)
+    if clamp(design, raw) != command:
+        law = raw - state.offset[0] - state.offset[1]
+        usual = 2.0 * state.smoothed[0] - state.smoothed[1]  # which does not lag a ramp
+        state.offset[1] = usual - law
+        state.offset[0] += command - raw_command(design, state)
+
+
+def output_estimate(design: Design, state: State) -> float:
+    """Return y as the level that feeds the law estimates it."""
+    estimate = state.levels[design.feedback_level][0]
+    return estimate + state.profile[0] if design.error_based else estimate
+
+
+def disturbance_estimate(design: Design, state: State) -> float:
+    """Return the estimate of L = y^(n) - b0 u, the sum of the levels."""
+    total = 0.0
+    for k in range(design.levels):
+        total += state.levels[k][design.order]
+    return total + state.profile[design.order] if design.error_based else total
