@@ -30,8 +30,8 @@ from nadrc_ros.records.recorded_run import read_run
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.scenario.parameter_files import controller_parameters
-from nadrc_ros.simulation.experiment import simulate
-from nadrc_ros.simulation.vector import MutableVector, Vector
+from nadrc_ros.simulation.protocols import MutableVector, Vector
+from nadrc_ros.simulation.simulate import simulate
 from nadrc_ros.tuning.design.first_design import first_design
 from nadrc_ros.tuning.design.requirements import Requirements
 from nadrc_ros.tuning.identification.advice import advise, running_controller

@@ -33,9 +33,9 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.faults import Faults, Injector, MeasurementFault
 from nadrc_ros.simulation.integrate import Integrator
 from nadrc_ros.simulation.noise import Noise, NoiseSource
-from nadrc_ros.simulation.plants.chain import Chain
-from nadrc_ros.simulation.signals.trapezoid import Trapezoid
-from nadrc_ros.simulation.vector import MutableVector
+from nadrc_ros.simulation.plants import Chain
+from nadrc_ros.simulation.protocols import MutableVector
+from nadrc_ros.simulation.signals import Trapezoid
 from nadrc_ros.theory.pid import equivalent_pid
 from nadrc_ros.writing import write_json
 import numpy as np

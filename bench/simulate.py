@@ -38,14 +38,14 @@ from nadrc_ros.adrc.observer import place
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.simulation import metrics
-from nadrc_ros.simulation.experiment import Experiment, simulate
+from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.integrate import Integrator, substeps_for
 from nadrc_ros.simulation.kernel import kernel_for
-from nadrc_ros.simulation.loop import Loop, WIDTH
+from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
 from nadrc_ros.simulation.noise import Noise, noise_sequence
-from nadrc_ros.simulation.plants.paper import PaperPlant
-from nadrc_ros.simulation.signals.decaying_cosine import DecayingCosine
-from nadrc_ros.simulation.signals.periodic import Cosine
+from nadrc_ros.simulation.plants import PaperPlant
+from nadrc_ros.simulation.signals import Cosine, DecayingCosine
+from nadrc_ros.simulation.simulate import simulate
 import numpy as np
 import numpy.typing as npt
 
@@ -121,7 +121,7 @@ def ours_loop(experiment: Experiment) -> tuple[Run, Loop, Array]:
     kernel = kernel_for(experiment)
     if kernel is None:
         raise RuntimeError('the loop does not compile: is numba installed?')
-    loop, rows = Loop(experiment, SETTINGS), np.empty((experiment.steps, WIDTH))
+    loop, rows = Loop(experiment, SETTINGS), np.empty((experiment.steps, ROW_WIDTH))
     noise = noise_sequence(experiment.noise, experiment.period, experiment.steps)
 
     def run() -> Outcome:
@@ -196,7 +196,7 @@ def c_loop(experiment: Experiment) -> tuple[Run, Loop, Array] | None:
         for where, value in zip(SUMS, sums):
             loop.acc[where] = float(value)
         loop.remainders[:2] = left.tolist()
-        loop.process.state = state.tolist()
+        loop.plant_run.state = state.tolist()
         return Outcome(took, rows[:, 3])
 
     return run, loop, rows
@@ -213,7 +213,7 @@ def check_agreement(ours: tuple[Run, Loop, Array], by_hand: tuple[Run, Loop, Arr
         theirs, own = np.array(getattr(their_loop, name)), np.array(getattr(loop, name))
         kept = slice(None) if name == 'remainders' else list(SUMS)
         np.testing.assert_allclose(theirs[kept], own[kept], rtol=AGREE, atol=AGREE)
-    np.testing.assert_allclose(their_loop.process.state, loop.process.state, atol=AGREE)
+    np.testing.assert_allclose(their_loop.plant_run.state, loop.plant_run.state, atol=AGREE)
 
 
 # ---- the others ----

@@ -18,7 +18,7 @@ from marked import filled
 
 PAGE = Path(__file__).with_name('performance.md')
 FIGURES = PAGE.with_suffix('.json')
-PARTS = ('step', 'simulate', 'many', 'ros_latency', 'axes', 'start_up')
+PARTS = ('step', 'simulate', 'batch', 'ros_latency', 'axes', 'start_up')
 NAMES = {
     'nadrc_n2_k2': 'this package, n = 2, K = 2',
     'nadrc_n2_k1': 'this package, n = 2, one observer',
@@ -71,7 +71,7 @@ def simulate(figures: Figures) -> str:
     return table(head, [[*ratio, *own.values()] for ratio, own in zip(ratios, figures.values())])
 
 
-def many(figures: Figures) -> str:
+def batch(figures: Figures) -> str:
     def ratio(name: str, base: str) -> list[float]:
         return [figures[name] / figures[base]] if name in figures else []
 

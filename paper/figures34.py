@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from nadrc_ros.scenario import find_scenario, load, Scenario
-from nadrc_ros.simulation import experiment
+from nadrc_ros.simulation import simulate
 import numpy as np
 from paper.drawing import CONVENTIONAL, in_style, INK, NESTED, panels, thinned
 from paper.published import FIGURE_4
@@ -53,14 +53,14 @@ def measure(tell: Tell, jobs: int) -> Result:
     }
 
 
-def _run(scenario: Scenario, name: str, case: str) -> experiment.Result:
+def _run(scenario: Scenario, name: str, case: str) -> simulate.Result:
     if case == 'clean':
         scenario = scenario.changed(noise_variance=0.0)
     settings = scenario.controllers[name]
-    return experiment.simulate(scenario.experiment(), settings, compiled=True)
+    return simulate.simulate(scenario.experiment(), settings, compiled=True)
 
 
-def _estimation_errors(found: experiment.Result) -> dict[str, Any]:
+def _estimation_errors(found: simulate.Result) -> dict[str, Any]:
     """Return e3 = L - d_1, eq. (6), and zeta3 = e3 - d_2, eq. (24) with the x3 of eq. (19)."""
     e3 = found.total_disturbance - found.disturbances[:, 0]
     zeta3 = found.total_disturbance - found.disturbance_estimate

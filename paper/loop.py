@@ -53,15 +53,15 @@ class Run:
 
 def run(experiment: Experiment, decide: Decide) -> Run:
     """Run the loop: at each t_k measure, decide, hold the command until t_k+1."""
-    process, h = experiment.process(), experiment.period
+    plant, h = experiment.plant_run(), experiment.period
     metrics, u = Metrics(experiment.settled), 0.0
     rows = []
     for k in range(experiment.steps):
         r = sample_reference(experiment.reference, k, experiment.rate)
-        y = process.output
-        u = decide(r, process.measurement, u, h)
+        y = plant.output
+        u = decide(r, plant.measurement, u, h)
         metrics.add(k / experiment.rate, h, r[0] - y, u)
         rows.append((k / experiment.rate, y, u))
-        process.advance(u)
+        plant.advance(u)
     time, output, command = np.array(rows).T
     return Run(time=time, output=output, command=command, metrics=metrics.values())

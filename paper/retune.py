@@ -14,8 +14,8 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import Scenario
+from nadrc_ros.simulation.batch import RunMetrics
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.many import RunMetrics
 import numpy as np
 import numpy.typing as npt
 from paper.candidates import (

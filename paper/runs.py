@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.simulation.batch import RunMetrics, simulate_batch
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.many import RunMetrics, simulate_many
 import numpy as np
 
 Statistics = dict[str, float]
@@ -27,7 +27,7 @@ def metrics_of(
 ) -> list[list[RunMetrics]]:
     """Return the figures of merit of each controller for each seed, from ``jobs`` threads."""
     with ThreadPoolExecutor(max(1, jobs)) as threads:
-        runs = simulate_many(experiment, settings, seeds, executor=threads, compiled=True)
+        runs = simulate_batch(experiment, settings, seeds, executor=threads, compiled=True)
     count = len(seeds)
     return [runs[i * count : (i + 1) * count] for i in range(len(settings))]
 

@@ -14,7 +14,7 @@ from statistics import NormalDist
 
 from matplotlib.figure import Figure
 from nadrc_ros.scenario import find_scenario, load, Scenario
-from nadrc_ros.simulation.experiment import simulate
+from nadrc_ros.simulation.simulate import simulate
 import numpy as np
 from paper.drawing import (
     common_legend,

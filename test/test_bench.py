@@ -8,7 +8,7 @@ import shutil
 from typing import Any
 
 import attrs
-from bench import many, results, simulate, step
+from bench import batch, results, simulate, step
 import numpy as np
 import pytest
 
@@ -69,7 +69,7 @@ def test_a_loop_in_c_that_comes_to_something_else_is_no_measure(change: str) -> 
         elif change == 'sums':
             loop.acc[simulate.SUMS[0]] += 1e-6
         else:
-            loop.process.state[1] += 1e-6
+            loop.plant_run.state[1] += 1e-6
         return outcome
 
     with pytest.raises(AssertionError):
@@ -95,8 +95,8 @@ def test_without_a_compiler_the_loop_in_c_is_left_out_and_said_so(
     assert 'no C compiler' in capsys.readouterr().out
 
 
-def test_many_writes_speed_memory_and_growth(tmp_path: Path) -> None:
-    many.main(
+def test_batch_writes_speed_memory_and_growth(tmp_path: Path) -> None:
+    batch.main(
         SMALL,
         runs=4,
         turns=2,
@@ -106,12 +106,12 @@ def test_many_writes_speed_memory_and_growth(tmp_path: Path) -> None:
         growth_runs=1,
         folder=tmp_path,
     )
-    figures, samples = written('many', tmp_path)
+    figures, samples = written('batch', tmp_path)
     expected = {'runs_per_s_1core', 'runs_per_s_2core', 'peak_mb', 'peak_mb_20_steps'}
     expected |= {'c_per_s_1core', 'c_per_s_2core'} if shutil.which('cc') else set()
     assert expected < set(figures)
     assert {name for name in figures if name.startswith('us_per_run_')} == {
-        f'us_per_run_{case}' for case in many.cases(1, 1)
+        f'us_per_run_{case}' for case in batch.cases(1, 1)
     }
     assert all(value > 0.0 for value in figures.values())
     assert len(samples['runs_per_s_2core']) == len(samples['base']) == 2

@@ -212,7 +212,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_behind(scenario: Path) -> None:
     started, out = scenario.with_name('started'), scenario.with_name('out.json')
     scenario.with_name('plant.py').write_text(
         'from pathlib import Path\n'
-        'from nadrc_ros.simulation.plants.chain import Chain\n'
+        'from nadrc_ros.simulation.plants import Chain\n'
         'class Mine(Chain):\n'
         '    def derivative(self, t, x, u, w, dx):\n'
         '        if t > 5:\n'  # later than any time at which a plant is tried before the run

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from importlib import import_module, invalidate_caches
 from math import inf, nan
+from pathlib import Path
 import subprocess
 import sys
 from typing import Any
 
 import attrs
 from law_helpers import varied_settings
+from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation import loop
-from nadrc_ros.simulation.compiled import _identity, announced
-from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
+from nadrc_ros.simulation.batch import run_metrics, simulate_batch
+from nadrc_ros.simulation.compiled import _named_by_source, announced
+from nadrc_ros.simulation.experiment import Experiment, Retune
 from nadrc_ros.simulation.faults import (
     COMMAND_KINDS,
     CommandFault,
@@ -23,10 +27,10 @@ from nadrc_ros.simulation.faults import (
 )
 from nadrc_ros.simulation.integrate import integrate, make_work
 from nadrc_ros.simulation.kernel import fields_of, kernel_for
-from nadrc_ros.simulation.many import run_metrics, simulate_many
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants import make_plant, PLANTS
+from nadrc_ros.simulation.plants import PLANTS
 from nadrc_ros.simulation.signals import make_signal, SIGNALS
+from nadrc_ros.simulation.simulate import Result, simulate
 import numba
 from numba.core.event import trigger_event
 from numba.extending import register_jitable
@@ -105,7 +109,7 @@ class Helped(Wild):
 
 def chain(order: int = 2, **changes: Any) -> Experiment:
     values: dict[str, Any] = {
-        'plant': make_plant('chain', {'order': order, 'damping': 0.5}),
+        'plant': build(PLANTS['chain'], {'order': order, 'damping': 0.5}),
         'reference': make_signal('cosine', {'frequency': 0.5}),
         'disturbance': make_signal('decaying_cosine', {'frequency': 3.0}),
         'noise': Noise(variance=1e-6, sample_time=0.007, seed=3),
@@ -162,7 +166,7 @@ def test_every_law_gives_the_same_bits(case: str) -> None:
         {'error': 'tracking'},
         {'noise': Noise(variance=0.0)},
         {'noise': Noise(variance=1e-2, sample_time=1e-4)},
-        {'plant': make_plant('chain', {'gain': -3.0, 'load': 2.0})},
+        {'plant': build(PLANTS['chain'], {'gain': -3.0, 'load': 2.0})},
         {'reference': make_signal('cosine', {'amplitude': 1e6, 'frequency': 1e4})},
     ],
     ids=str,
@@ -204,7 +208,7 @@ def test_the_blocks_that_a_long_run_is_cut_into_do_not_show(
 ) -> None:
     whole = simulate(chain(), ControllerSettings(), compiled=False)
     for size in (1, 7, 599, 600):
-        monkeypatch.setattr(loop, 'BLOCK', size)
+        monkeypatch.setattr(loop, '_NOISE_BLOCK', size)
         for compiled in (False, True):
             assert_same(whole, simulate(chain(), ControllerSettings(), compiled=compiled))
 
@@ -252,7 +256,7 @@ def test_a_plant_whose_bits_differ_runs_in_plain_python() -> None:
 @pytest.mark.parametrize('signal', SIGNALS)
 def test_every_plant_and_signal_gives_the_same_bits(signal: str) -> None:
     names = list(PLANTS)
-    plant = make_plant(names[list(SIGNALS).index(signal) % len(names)], {})
+    plant = build(PLANTS[names[list(SIGNALS).index(signal) % len(names)]], {})
     w = make_signal(signal, {'start_time': 0.0123})
     methods = type(plant).derivative, type(w).derivatives
     for function in (*methods, integrate):
@@ -288,14 +292,14 @@ def test_many_runs_give_the_figures_of_the_single_ones() -> None:
         for one in settings
         for seed in (5, 6, 7)
     ]
-    own = simulate_many(experiment, settings, (5, 6, 7), compiled=True)
+    own = simulate_batch(experiment, settings, (5, 6, 7), compiled=True)
     assert [{k: v for k, v in run.as_dict().items() if k in singles[0]} for run in own] == singles
-    assert own == simulate_many(experiment, settings, (5, 6, 7), compiled=False)
+    assert own == simulate_batch(experiment, settings, (5, 6, 7), compiled=False)
     executors: list[Executor] = [ThreadPoolExecutor(1), ProcessPoolExecutor(2)]
     for executor in executors:
         with executor:
-            assert own == simulate_many(experiment, settings, range(5, 8), executor=executor)
-    assert simulate_many(experiment, settings, ()) == []
+            assert own == simulate_batch(experiment, settings, range(5, 8), executor=executor)
+    assert simulate_batch(experiment, settings, ()) == []
 
 
 @pytest.mark.parametrize('case', ['error', 'four levels', 'conventional-2'])
@@ -315,7 +319,7 @@ def test_a_short_run_does_not_wait_for_numba() -> None:
     code = (
         'import sys, test_compiled as t\n'
         "for name in [n for n in sys.modules if n.startswith('numba')]: del sys.modules[name]\n"
-        'from nadrc_ros.simulation.experiment import simulate\n'
+        'from nadrc_ros.simulation.simulate import simulate\n'
         't.simulate(t.chain(), t.ControllerSettings())\n'
         "assert 'numba' not in sys.modules"
     )
@@ -344,11 +348,23 @@ def test_a_compilation_is_announced_once_and_for_its_own_loop_only() -> None:
     ('old', 'new'),
     [('G = 9.8', 'G = 9.9'), ('x * G', 'x + G'), ('import sin', 'import cos as sin')],
 )
-def test_what_is_on_disk_is_known_by_code_and_constants(old: str, new: str) -> None:
+def test_what_is_on_disk_is_known_by_its_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
+) -> None:
     source = 'from math import sin\nG = 9.8\ndef f(x):\n    return sin(x * G)\n'
+    monkeypatch.syspath_prepend(tmp_path)
     found = []
     for text in (source, source, source.replace(old, new)):
-        names: dict[str, Any] = {'__name__': 'mine'}
-        exec(compile(text, 'mine.py', 'exec'), names)
-        found.append(_identity(names['f']))
+        (tmp_path / 'mine.py').write_text(text)
+        monkeypatch.delitem(sys.modules, 'mine', raising=False)
+        invalidate_caches()
+        function = import_module('mine').f
+        assert _named_by_source(function, (both, function))
+        found.append(function.__qualname__)
     assert found[0] == found[1] != found[2]
+
+
+def test_what_has_no_source_file_is_not_kept_on_disk() -> None:
+    names: dict[str, Any] = {'__name__': 'typed'}
+    exec('def f(x):\n    return x\n', names)
+    assert not _named_by_source(names['f'], (both, names['f']))

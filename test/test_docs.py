@@ -18,7 +18,7 @@ from nadrc_ros.nodes.plant import fault_fields, noise_fields
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.scenario.mapping import from_mapping
-from nadrc_ros.simulation.plants.paper import PaperPlant
+from nadrc_ros.simulation.plants import PaperPlant
 from nadrc_ros.tuning.design.limits import check
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest

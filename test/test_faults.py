@@ -13,7 +13,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.simulation.experiment import Experiment, Result, simulate
+from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import (
     COMMAND_KINDS,
     CommandFault,
@@ -23,10 +23,11 @@ from nadrc_ros.simulation.faults import (
     MeasurementFault,
     ONE_EACH,
 )
-from nadrc_ros.simulation.loop import Loop, WIDTH
+from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants import make_plant
+from nadrc_ros.simulation.plants import PLANTS
 from nadrc_ros.simulation.signals import make_signal
+from nadrc_ros.simulation.simulate import Result, simulate
 import numpy as np
 import pytest
 
@@ -87,7 +88,7 @@ def test_a_controller_that_saw_nothing_before_the_start_waits_for_good_samples(k
     """As on the graph: else the simulation began two samples earlier, and ITAE was 5 % less."""
     fault = MeasurementFault(kind=kind, size=0.5, duration=0.5)
     experiment = Experiment(
-        plant=make_plant('chain', {'order': 1}),
+        plant=build(PLANTS['chain'], {'order': 1}),
         reference=make_signal('constant', {'offset': 1.0}),
         disturbance=make_signal('none', {}),
         noise=Noise(variance=0.0),
@@ -248,7 +249,7 @@ BACK_FROM_ACTUATOR = {
 
 def in_the_loop(**faults: Any) -> Result:
     experiment = Experiment(
-        plant=make_plant('paper', {'a3': 0.2}),
+        plant=build(PLANTS['paper'], {'a3': 0.2}),
         reference=make_signal('cosine', {'frequency': 0.5}),
         disturbance=make_signal('sine', {'frequency': 1.0}),
         noise=Noise(variance=1e-6, seed=3),
@@ -306,7 +307,7 @@ def test_p09_late_samples_do_not_make_time_go_faster(late: float) -> None:
         measurement=(MeasurementFault(kind='delayed', time=late, probability=0.2, start=1.0),)
     )
     experiment = Experiment(
-        plant=make_plant('paper', {}),
+        plant=build(PLANTS['paper'], {}),
         reference=make_signal('cosine', {}),
         disturbance=make_signal('none', {}),
         noise=Noise(seed=2),
@@ -322,13 +323,13 @@ def test_p09_late_samples_do_not_make_time_go_faster(late: float) -> None:
         return Controller.tick(loop.controller, measurement, dt, **more)
 
     loop.controller.tick = tick  # type: ignore[method-assign, assignment]
-    loop.run(np.empty((0, WIDTH)))
+    loop.run(np.empty((0, ROW_WIDTH)))
     assert sum(spans) == pytest.approx(6.0, abs=0.1)
 
 
 def test_the_truth_knows_what_the_actuator_does() -> None:
     experiment = Experiment(
-        plant=make_plant('chain', {'order': 1, 'damping': 0.0}),
+        plant=build(PLANTS['chain'], {'order': 1, 'damping': 0.0}),
         reference=make_signal('constant', {}),
         disturbance=make_signal('constant', {'offset': -2.0}),
         noise=Noise(),

@@ -10,8 +10,8 @@ import control
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.simulation.experiment import Result, simulate
 from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.simulation.simulate import Result, simulate
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.system import pick
 from nadrc_ros.theory.transfer import controller

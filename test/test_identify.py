@@ -17,7 +17,7 @@ from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.records.shaping import window
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
-from nadrc_ros.simulation.plants.chain import Chain
+from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.tuning.identification.advice import advise, limits_of, running_controller
 from nadrc_ros.tuning.identification.estimate import Estimate, robust_error
 from nadrc_ros.tuning.identification.identify import identify

@@ -18,13 +18,14 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
-from nadrc_ros.simulation.experiment import Experiment, kernel, Retune
+from nadrc_ros.simulation.experiment import Experiment, Retune
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.kernel import Kernel
-from nadrc_ros.simulation.loop import Loop, WIDTH
+from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants.chain import Chain
-from nadrc_ros.simulation.signals.elementary import Step
+from nadrc_ros.simulation.plants import Chain
+from nadrc_ros.simulation.signals import Step
+from nadrc_ros.simulation.simulate import kernel_of
 from nadrc_ros.theory.loop import chain as linear_chain
 from nadrc_ros.theory.loop import loop_growth
 import numpy as np
@@ -116,7 +117,7 @@ def settling(settings: ControllerSettings, plant: Chain) -> int:
 
 @cache
 def compiled() -> Any:
-    found = kernel(experiment(Chain(), 1, 2), 2, compiled=True)
+    found = kernel_of(experiment(Chain(), 1, 2), 2, compiled=True)
     assert found is not None
     return found
 
@@ -136,7 +137,7 @@ def experiment(plant: Chain, load_at: int, end: int, **more: Any) -> Experiment:
 
 def errors(settings: ControllerSettings, whole: Experiment, reset_at: int = 0) -> Any:
     """Return r - y of every period."""
-    loop, rows = Loop(whole, settings), np.full((whole.steps, WIDTH), np.nan)
+    loop, rows = Loop(whole, settings), np.full((whole.steps, ROW_WIDTH), np.nan)
     if reset_at:
         loop.experiment = attrs.evolve(whole, duration=reset_at * H)
         loop.run(rows, compiled_for(whole))

@@ -9,19 +9,14 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.simulation.integrate import (
     fastest_rate,
     Integrator,
     substeps_for,
 )
-from nadrc_ros.simulation.plants import (
-    check_plant,
-    make_plant,
-    Plant,
-    PLANTS,
-    total_disturbance,
-)
+from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.protocols import check_plant, Plant, total_disturbance
 from nadrc_ros.simulation.signals import make_signal
 import pytest
 
@@ -32,6 +27,10 @@ def slope(plant: Plant, t: float, x: list[float], u: float, w: float) -> list[fl
     dx = [nan] * plant.states
     plant.derivative(t, x, u, w, dx)
     return dx
+
+
+def unexplained(plant: Plant, b0: float, *at: Any) -> float:
+    return total_disturbance(type(plant).derivative, plant, b0, *at)
 
 
 def run(
@@ -46,14 +45,14 @@ def run(
 
 @pytest.mark.parametrize('name', PLANTS)
 def test_registered_plants_keep_the_convention(name: str) -> None:
-    plant = make_plant(name, {})
+    plant = build(PLANTS[name], {})
     assert check_plant(plant) is plant
 
 
 @pytest.mark.parametrize('order', range(1, 6))
 def test_a_chain_of_each_order(order: int) -> None:
     plant = check_plant(
-        make_plant('chain', {'order': order, 'gain': -3.0, 'damping': 0.5, 'load': 2.0})
+        build(PLANTS['chain'], {'order': order, 'gain': -3.0, 'damping': 0.5, 'load': 2.0})
     )
     assert (plant.order, plant.states, plant.b0) == (order, order, -3.0)
     x = [1.0 + i for i in range(order)]
@@ -61,7 +60,7 @@ def test_a_chain_of_each_order(order: int) -> None:
 
 
 def test_the_plant_of_the_paper() -> None:
-    plant = make_plant('paper', {})
+    plant = build(PLANTS['paper'], {})
     dx = slope(plant, 1.3, [0.4, -0.6], 2.0, 0.05)
     assert dx[0] == -0.6
     expected = 0.2 * 0.4 + 0.1 * sin(-0.6) + 0.05 + (1 + 0.2 * sin(1.3)) * 2.0
@@ -70,31 +69,31 @@ def test_the_plant_of_the_paper() -> None:
 
 
 def test_total_disturbance_is_what_b0_does_not_explain() -> None:
-    plant, dx = make_plant('paper', {'a3': 0.0}), [0.0, 0.0]
-    truth = total_disturbance(plant, 1.0, 0.0, [0.4, -0.6], 2.0, 0.05, dx)
+    plant, dx = build(PLANTS['paper'], {'a3': 0.0}), [0.0, 0.0]
+    truth = unexplained(plant, 1.0, 0.0, [0.4, -0.6], 2.0, 0.05, dx)
     assert truth == pytest.approx(0.08 + 0.1 * sin(-0.6) + 0.05)
-    wrong = total_disturbance(plant, 1.5, 0.0, [0.4, -0.6], 2.0, 0.05, dx)
+    wrong = unexplained(plant, 1.5, 0.0, [0.4, -0.6], 2.0, 0.05, dx)
     assert wrong == pytest.approx(truth - 1.0)
-    chain = make_plant('chain', {'order': 3, 'load': 0.25})
-    assert total_disturbance(chain, chain.b0, 0.0, [1.0] * 3, 9.0, 0.0, [0.0] * 3) == -0.25
+    chain = build(PLANTS['chain'], {'order': 3, 'load': 0.25})
+    assert unexplained(chain, chain.b0, 0.0, [1.0] * 3, 9.0, 0.0, [0.0] * 3) == -0.25
 
 
 def test_the_motor_reaches_its_steady_speed() -> None:
-    motor = make_plant('motor', {'coulomb': 0.0, 'static': 0.0, 'viscous': 1e-4})
+    motor = build(PLANTS['motor'], {'coulomb': 0.0, 'static': 0.0, 'viscous': 1e-4})
     speed, current = run(motor, [0.0, 0.0], 12.0, 1.0, 4000)
     assert current == pytest.approx(1e-4 * speed / 0.05, rel=1e-6)
     assert speed == pytest.approx(12.0 * 0.05 / (0.05**2 + 1.5 * 1e-4), rel=1e-6)
 
 
 def test_the_motor_breaks_away_only_above_its_friction() -> None:
-    motor = make_plant('motor', {})
+    motor = build(PLANTS['motor'], {})
     held = 5e-3 * 1.5 / 0.05
     assert run(motor, [0.0, 0.0], 0.5 * held, 0.5, 4000)[0] < 1.0
     assert run(motor, [0.0, 0.0], 6.0 * held, 0.5, 4000)[0] > 10.0
 
 
 def test_the_torque_and_voltage_balance_of_the_motor() -> None:
-    motor = make_plant('motor', {'load_torque': 0.02})
+    motor = build(PLANTS['motor'], {'load_torque': 0.02})
     for speed, current in ((3.0, 0.7), (-3.0, 0.7), (0.2, -1.0), (300.0, 2.0)):
         friction = (5e-3 + 3e-3 * exp(-((speed / 5.0) ** 2))) * tanh(speed) + 1e-5 * speed
         dx = slope(motor, 0.0, [speed, current], 4.0, 0.3)
@@ -104,24 +103,24 @@ def test_the_torque_and_voltage_balance_of_the_motor() -> None:
 
 def test_w_is_an_acceleration_of_the_motor_and_the_inductance_is_unmodelled() -> None:
     for name, n in (('motor', 1), ('motor_position', 2)):
-        motor, rest = make_plant(name, {}), [0.0] * (n + 1)
+        motor, rest = build(PLANTS[name], {}), [0.0] * (n + 1)
         assert slope(motor, 0.0, rest, 0.0, 7.0)[n - 1] == 7.0
         assert slope(motor, 0.0, rest, 5.0, 0.0)[n - 1] == 0.0
         dx = [0.0] * (n + 1)
         settled = [*rest[:-1], 5.0 / 1.5]
-        assert total_disturbance(motor, motor.b0, 0.0, settled, 5.0, 0.0, dx) == pytest.approx(
+        assert unexplained(motor, motor.b0, 0.0, settled, 5.0, 0.0, dx) == pytest.approx(
             0.0, abs=1e-9
         )
 
 
 def test_both_motors_are_the_same_machine() -> None:
-    speed = slope(make_plant('motor', {}), 0.0, [3.0, 0.7], 2.0, 0.3)
-    angle = slope(make_plant('motor_position', {}), 0.0, [9.0, 3.0, 0.7], 2.0, 0.3)
+    speed = slope(build(PLANTS['motor'], {}), 0.0, [3.0, 0.7], 2.0, 0.3)
+    angle = slope(build(PLANTS['motor_position'], {}), 0.0, [9.0, 3.0, 0.7], 2.0, 0.3)
     assert angle == [3.0, *speed]
 
 
 def test_the_pendulum_hangs_at_zero_and_keeps_its_energy() -> None:
-    pendulum = make_plant('pendulum', {'friction': 0.0, 'length': 1.0})
+    pendulum = build(PLANTS['pendulum'], {'friction': 0.0, 'length': 1.0})
     assert slope(pendulum, 0.0, [0.0, 0.0], 0.0, 0.0) == [0.0, 0.0]
     small = run(pendulum, [1e-4, 0.0], 0.0, 2 * pi / sqrt(9.81), 1000)
     assert small == pytest.approx([1e-4, 0.0], abs=1e-9)
@@ -130,38 +129,38 @@ def test_the_pendulum_hangs_at_zero_and_keeps_its_energy() -> None:
 
 
 def test_the_oven_keeps_its_heat_balance() -> None:
-    oven = make_plant('thermal', {})
+    oven = build(PLANTS['thermal'], {})
     assert slope(oven, 0.0, [80.0, 150.0], 0.0, 0.0) == [0.0, -150.0 / 8.0]
     assert slope(oven, 0.0, [20.0, 0.0], 0.0, -0.3)[0] == -0.3
     full = run(oven, [20.0, 0.0], 100.0, 9000.0, 3000)
     assert full == pytest.approx([20.0 + 500.0 / 2.5, 500.0], rel=1e-6)
-    assert total_disturbance(oven, oven.b0, 0.0, [20.0, 200.0], 40.0, 0.0, [0.0, 0.0]) == (
+    assert unexplained(oven, oven.b0, 0.0, [20.0, 200.0], 40.0, 0.0, [0.0, 0.0]) == (
         pytest.approx(0.0, abs=1e-12)
     )
 
 
 def test_every_coefficient_matters() -> None:
     for name, cls in PLANTS.items():
-        base = make_plant(name, {})
+        base = build(PLANTS[name], {})
         x = [0.7 + 0.3 * i for i in range(base.states)]
         for field, declaration in declared(cls).items():
             if name == 'chain' and field == 'order':
                 continue
             value = declaration.default * 1.5 or 0.1
-            assert slope(make_plant(name, {field: value}), 1.0, x, 1.0, 0.0) != slope(
+            assert slope(build(PLANTS[name], {field: value}), 1.0, x, 1.0, 0.0) != slope(
                 base, 1.0, x, 1.0, 0.0
             ), (name, field)
 
 
 def test_unknown_names_and_bad_coefficients_are_refused() -> None:
     with pytest.raises(SettingError, match=r'plant = .rocket.*motor_position'):
-        make_plant('rocket', {})
+        build(PLANTS['rocket'], {})
     with pytest.raises(SettingError, match='a4'):
-        make_plant('paper', {'a4': 1.0})
+        build(PLANTS['paper'], {'a4': 1.0})
     with pytest.raises(SettingError, match='gain = 0'):
-        make_plant('chain', {'gain': 0.0})
+        build(PLANTS['chain'], {'gain': 0.0})
     with pytest.raises(SettingError, match='order = 6'):
-        make_plant('chain', {'order': 6})
+        build(PLANTS['chain'], {'order': 6})
 
 
 class Lag:
@@ -267,7 +266,7 @@ def test_a_wrong_plant_is_refused_by_name(member: str, value: Any, says: str) ->
 
 
 def test_integration_converges_with_order_four() -> None:
-    plant = make_plant('paper', {'a3': 0.9})
+    plant = build(PLANTS['paper'], {'a3': 0.9})
     w = make_signal('decaying_cosine', {'frequency': 3.0})
     exact = run(plant, [1.0, -0.5], 0.8, 2.0, 4096, w)
     sizes = [8, 16, 32, 64, 128]
@@ -281,16 +280,16 @@ def test_integration_converges_with_order_four() -> None:
 
 
 def test_integration_against_a_closed_form() -> None:
-    lag = make_plant('chain', {'order': 1, 'damping': 2.0, 'gain': 3.0})
+    lag = build(PLANTS['chain'], {'order': 1, 'damping': 2.0, 'gain': 3.0})
     assert run(lag, [1.0], 0.5, 1.5, 300)[0] == pytest.approx(0.75 + 0.25 * exp(-3.0), rel=1e-9)
-    chain = make_plant('chain', {'order': 3})
+    chain = build(PLANTS['chain'], {'order': 3})
     x = run(chain, [1.0, 2.0, 3.0], 4.0, 0.5, 1)
     assert x == pytest.approx([1 + 1 + 3 / 8 + 4 / 48, 2 + 1.5 + 0.5, 5.0], rel=1e-15)
 
 
 @given(st.sampled_from(sorted(PLANTS)), st.integers(1, 6), st.floats(-2, 2))
 def test_substeps_equal_steps_and_the_input_is_left_alone(name: str, count: int, u: float) -> None:
-    plant = make_plant(name, {})
+    plant = build(PLANTS[name], {})
     x = [0.1 + 0.2 * i for i in range(plant.states)]
     w = make_signal('sine', {'frequency': 2.0})
     before, out = list(x), [nan] * plant.states
@@ -301,7 +300,7 @@ def test_substeps_equal_steps_and_the_input_is_left_alone(name: str, count: int,
 
 def test_the_motor_gets_the_substeps_it_needs() -> None:
     for name in ('motor', 'motor_position'):
-        motor = make_plant(name, {})
+        motor = build(PLANTS[name], {})
         rate = fastest_rate(motor)
         assert 700.0 < rate < 1600.0
         coarse, fine, out = [0.0] * motor.states, [0.0] * motor.states, [0.0] * motor.states
@@ -314,7 +313,7 @@ def test_the_motor_gets_the_substeps_it_needs() -> None:
             assert other.advance(0.01 * k, fine, 6.0, 0.01, out)
             fine, out = out, fine
         assert coarse == pytest.approx(fine, rel=1e-4)
-    stiff = Integrator(make_plant('motor', {}), NOTHING, 1)
+    stiff = Integrator(build(PLANTS['motor'], {}), NOTHING, 1)
     x, out, finite = [0.0, 0.0], [0.0, 0.0], True
     for k in range(300):
         finite = finite and stiff.advance(0.01 * k, x, 6.0, 0.01, out)
@@ -323,18 +322,18 @@ def test_the_motor_gets_the_substeps_it_needs() -> None:
 
 
 def test_slow_plants_need_one_substep() -> None:
-    assert fastest_rate(make_plant('chain', {'order': 5})) == 0.0
-    assert fastest_rate(make_plant('chain', {'order': 3, 'damping': 7.0})) == pytest.approx(
+    assert fastest_rate(build(PLANTS['chain'], {'order': 5})) == 0.0
+    assert fastest_rate(build(PLANTS['chain'], {'order': 3, 'damping': 7.0})) == pytest.approx(
         7.0, 0.1
     )
     for name in ('paper', 'pendulum', 'chain'):
-        assert substeps_for(make_plant(name, {}), 0.01) == 1
-    assert substeps_for(make_plant('chain', {'damping': 50.0}), 0.01) == 2
+        assert substeps_for(build(PLANTS[name], {}), 0.01) == 1
+    assert substeps_for(build(PLANTS['chain'], {'damping': 50.0}), 0.01) == 2
 
 
 @pytest.mark.parametrize('x', [[1e308, 1e308], [inf, 0.0], [nan, 0.0], [0.0, inf]])
 def test_a_runaway_is_reported_and_never_raises(x: list[float]) -> None:
     for name in ('paper', 'pendulum', 'motor', 'chain'):
         out = [0.0, 0.0]
-        assert not Integrator(make_plant(name, {}), NOTHING).advance(0.0, x, 1e308, 1e6, out)
+        assert not Integrator(build(PLANTS[name], {}), NOTHING).advance(0.0, x, 1e308, 1e6, out)
         assert all(map(isnan, out))

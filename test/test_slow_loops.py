@@ -22,7 +22,7 @@ from nadrc_ros.adrc.settings import (
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.scenario import dump, loads
-from nadrc_ros.simulation.experiment import simulate
+from nadrc_ros.simulation.simulate import simulate
 import numpy as np
 import pytest
 

@@ -9,7 +9,7 @@ from typing import Any
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.scenario import loads
 from nadrc_ros.scenario.sweep import cell, load_sweep, run_range, Sweep
-from nadrc_ros.simulation.many import run_metrics
+from nadrc_ros.simulation.batch import run_metrics
 import pytest
 import yaml
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads, Scenario
+from nadrc_ros.simulation.batch import run_metrics
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
-from nadrc_ros.simulation.many import run_metrics
 from nadrc_ros.tuning.search.front import choose, front, knee, Point
 from nadrc_ros.tuning.search.score import Figures, Judge, Score, with_gain
 from nadrc_ros.tuning.search.settings import settings_from, TuneSettings

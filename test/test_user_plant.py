@@ -13,7 +13,7 @@ from nadrc_ros.scenario import dump, load, load_plant, loads, ScenarioError
 from nadrc_ros.scenario.sweep import load_sweep, run_range
 from nadrc_ros.scenario.user_plant import plant_class
 from nadrc_ros.simulation.compiled import compiled_loop
-from nadrc_ros.simulation.kernel import _fields, _verdict, KEPT
+from nadrc_ros.simulation.kernel import _fields, _verdict, _VERDICTS_KEPT
 import numpy as np
 import pytest
 
@@ -154,7 +154,7 @@ def test_one_of_several_plants_is_named(plant_file: Path) -> None:
 def test_what_is_imported_or_a_protocol_is_no_candidate(plant_file: Path) -> None:
     source = """
         from typing import Protocol
-        from nadrc_ros.simulation.plants.paper import PaperPlant
+        from nadrc_ros.simulation.plants import PaperPlant
         class Like(Protocol):
             def derivative(self, t, x, u, w, dx): ...
         class Helper:
@@ -243,7 +243,7 @@ def test_the_file_runs_once_and_a_sweep_over_it_keeps_nothing(plant_file: Path) 
         scenario.run(name)
     plant_class(str(plant_file))  # as a plant node, which declares its coefficients
     written = plant_file.with_name('sweep.yaml')
-    values = [0.01 * i for i in range(KEPT + 20)]
+    values = [0.01 * i for i in range(_VERDICTS_KEPT + 20)]
     written.write_text(f'scenario: scenario.yaml\nvary: {{plant.a1: {values}}}\n')
     sweep = load_sweep(written)
     sweep.check()
@@ -251,7 +251,7 @@ def test_the_file_runs_once_and_a_sweep_over_it_keeps_nothing(plant_file: Path) 
     kept = compiled_loop.cache_info().misses, _fields.cache_info().currsize
     run_range(sweep, 2, len(values), compiled=True)
     assert (compiled_loop.cache_info().misses, _fields.cache_info().currsize) == kept
-    assert _verdict.cache_info().currsize <= KEPT
+    assert _verdict.cache_info().currsize <= _VERDICTS_KEPT
     assert ran.read_text() == 'x'
 
 

@@ -13,9 +13,9 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.scenario import dump, load, loads, Scenario, SignalSpec
 from nadrc_ros.scenario.sweep import load_sweep
-from nadrc_ros.simulation.experiment import simulate
 from nadrc_ros.simulation.kernel import kernel_for
-from nadrc_ros.simulation.signals import Signal
+from nadrc_ros.simulation.protocols import Signal
+from nadrc_ros.simulation.simulate import simulate
 import numpy as np
 import pytest
 from scipy import signal
@@ -151,7 +151,7 @@ def test_a_table_is_a_line_or_held_and_constant_outside(folder: Path) -> None:
 def test_a_table_is_numpys_interpolation(rows: list[tuple[int, int]], t: float) -> None:
     from array import array
 
-    from nadrc_ros.simulation.signals.table import Table
+    from nadrc_ros.simulation.signals import Table
 
     times, values = np.cumsum([float(step) for step, _ in rows]), [float(v) for _, v in rows]
     signal = Table(times=array('d', times), values=array('d', values), linear=True)

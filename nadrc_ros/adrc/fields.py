@@ -131,6 +131,25 @@ def build(cls: type[T], values: Mapping[str, Any], path: str = '') -> T:
         raise error.inside(path) from None
 
 
+class Registry(dict[str, T]):
+    """
+    What there is of one kind, by name; the lookup of any other name says which there are.
+
+    Raises
+    ------
+    SettingError
+        From ``registry[name]``, under the name of the kind, with the known name that is near.
+
+    """
+
+    def __init__(self, kind: str, known: Mapping[str, T]) -> None:
+        super().__init__(known)
+        self._kind = kind
+
+    def __missing__(self, name: str) -> T:
+        raise SettingError(self._kind, name, one_of(name, self))
+
+
 def refuse_unknown_keys(values: Mapping[Any, Any], allowed: Iterable[str], path: str = '') -> None:
     """
     Refuse a key that is not allowed, by its dotted path.

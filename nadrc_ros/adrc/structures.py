@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import attrs
+from nadrc_ros.adrc.fields import Registry
 
 
 @attrs.frozen(kw_only=True)
@@ -37,34 +38,39 @@ class Structure:
     nonlinear: bool = False
 
 
-STRUCTURES = {
-    # Lakomy and Madonski: each level filters the output estimate of the one before it.
-    'cascade': Structure(description='K LESOs in series (cascade ESO)', chained=True),
-    # Eq. (3) of the paper.
-    'conventional': Structure(description='one LESO (C-ADRC)', levels=lambda asked: 1),
-    # The command is b0 u = v - d_1, so the outer LESO receives v = b0 u + d_1 exactly as eq. (20)
-    # prints it. Beside the full N-ADRC it shows which part of it brings an improvement.
-    'filtered': Structure(
-        description='two LESOs, only the inner disturbance estimate cancelled',
-        levels=lambda asked: 2,
-        cancelled=lambda levels: 1,
-    ),
-    # Godbole et al.: the disturbance is modelled as a polynomial of degree m - 1.
-    'generalized': Structure(
-        description='one ESO with m extended states',
-        levels=lambda asked: 1,
-        extended_states=lambda asked: asked,
-    ),
-    # Level k estimates what the levels before it leave, as eq. (18) asks.
-    'nested': Structure(description='K LESOs in parallel (N-ADRC)'),
-    # State i is corrected by fal of the innovation with Han's exponents 2^-i: up to |e| =
-    # eso_delta as the nested one. The paper names nonlinear observers as future work.
-    'nonlinear': Structure(description='K nonlinear ESOs in parallel (fal gains)', nonlinear=True),
-    # Eq. (20) to the letter: the outer LESO is fed with v = b0 u + d_1 + d_2. Its estimate is
-    # G_2/(1+G_2) of what the inner observer leaves, so a constant residual is only halved.
-    'printed': Structure(
-        description='two LESOs, the outer one with the input of eq. (20) as printed',
-        levels=lambda asked: 2,
-        reach=lambda levels: (0, 2),
-    ),
-}
+STRUCTURES = Registry(
+    'structure',
+    {
+        # Lakomy and Madonski: each level filters the output estimate of the one before it.
+        'cascade': Structure(description='K LESOs in series (cascade ESO)', chained=True),
+        # Eq. (3) of the paper.
+        'conventional': Structure(description='one LESO (C-ADRC)', levels=lambda asked: 1),
+        # The command is b0 u = v - d_1, so the outer LESO receives v = b0 u + d_1 exactly as eq.
+        # (20) prints it. Beside the full N-ADRC it shows which part of it brings an improvement.
+        'filtered': Structure(
+            description='two LESOs, only the inner disturbance estimate cancelled',
+            levels=lambda asked: 2,
+            cancelled=lambda levels: 1,
+        ),
+        # Godbole et al.: the disturbance is modelled as a polynomial of degree m - 1.
+        'generalized': Structure(
+            description='one ESO with m extended states',
+            levels=lambda asked: 1,
+            extended_states=lambda asked: asked,
+        ),
+        # Level k estimates what the levels before it leave, as eq. (18) asks.
+        'nested': Structure(description='K LESOs in parallel (N-ADRC)'),
+        # State i is corrected by fal of the innovation with Han's exponents 2^-i: up to |e| =
+        # eso_delta as the nested one. The paper names nonlinear observers as future work.
+        'nonlinear': Structure(
+            description='K nonlinear ESOs in parallel (fal gains)', nonlinear=True
+        ),
+        # Eq. (20) to the letter: the outer LESO is fed with v = b0 u + d_1 + d_2. Its estimate is
+        # G_2/(1+G_2) of what the inner observer leaves, so a constant residual is only halved.
+        'printed': Structure(
+            description='two LESOs, the outer one with the input of eq. (20) as printed',
+            levels=lambda asked: 2,
+            reach=lambda levels: (0, 2),
+        ),
+    },
+)

@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
-    from nadrc_ros.simulation.experiment import Result
+    from nadrc_ros.simulation.simulate import Result
 
 
 def simulate(

@@ -40,7 +40,7 @@ def sweep(
         from nadrc_ros.cli.workers import cluster, processes
         from nadrc_ros.records.run_table import FORMATS, RunTable
         from nadrc_ros.scenario.sweep import load_sweep
-        from nadrc_ros.simulation.experiment import WORTH_COMPILING
+        from nadrc_ros.simulation.simulate import WORTH_COMPILING
 
         path = out or Path(f'{file.stem}.csv')
         if path.suffix not in FORMATS:
@@ -74,7 +74,7 @@ def _fill(
     table: 'RunTable', wanted: 'Sweep', executor: Executor, fast: bool, periods: int
 ) -> None:
     from nadrc_ros.scenario.sweep import run_range
-    from nadrc_ros.simulation.many import batch_size, stream
+    from nadrc_ros.simulation.batch import batch_size, stream
 
     size = batch_size(table.runs, periods, fast)
     tasks = (

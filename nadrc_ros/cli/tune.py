@@ -176,7 +176,7 @@ def _range(name: str, text: str) -> tuple[float, ...]:
 def _studies(
     scenario: 'Scenario', names: list[str], tuning: TuneSettings, storage: Any, worker: int
 ) -> 'dict[str, TuningStudy]':
-    from nadrc_ros.simulation.experiment import kernel
+    from nadrc_ros.simulation.simulate import kernel_of
     from nadrc_ros.tuning.search.score import Judge
     from nadrc_ros.tuning.search.study import TuningStudy
     from nadrc_ros.tuning.search.variables import variables
@@ -185,7 +185,7 @@ def _studies(
     for name in names:
         experiment = scenario.experiment()
         periods = tuning.trials * tuning.seeds * experiment.steps
-        fast = kernel(experiment, periods, None, complain) is not None
+        fast = kernel_of(experiment, periods, None, complain) is not None
         judge = Judge(scenario, name, tuning, fast)
         varied = variables(
             judge.settings, tuning.vary, scenario.rate, scenario.duration, tuning.largest_wh

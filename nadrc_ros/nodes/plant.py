@@ -32,9 +32,8 @@ from nadrc_ros.simulation.faults import (
 )
 from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants import Plant
-from nadrc_ros.simulation.process import Process
-from nadrc_ros.simulation.signals import Signal
+from nadrc_ros.simulation.plant_run import PlantRun
+from nadrc_ros.simulation.protocols import Plant, Signal
 
 NOISE = 'noise_'
 MEASUREMENT_FAULT = 'fault.measurement.'
@@ -143,7 +142,7 @@ class PlantNode(LiveNode):
             raise SettingError('initial_state', state, f'a list of 1 or {plant.states} entries')
         if len(state) == 1:
             state = state * plant.states
-        self.process = Process(
+        self.process = PlantRun(
             plant, self._disturbances.value, noise, self.pacing.rate, state, faults, added
         )
         self._started = settings.start == 'at_once'

@@ -17,7 +17,7 @@ from nadrc_ros.ros.runtime import LiveNode, run
 from nadrc_ros.ros.signals import REFERENCE
 from nadrc_ros.ros.topics import receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.simulation.loop import sample_reference
-from nadrc_ros.simulation.signals import Signal
+from nadrc_ros.simulation.protocols import Signal
 
 DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
 EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import attrs
-from nadrc_ros.simulation.experiment import Result
+from nadrc_ros.simulation.simulate import Result
 import numpy as np
 import numpy.typing as npt
 

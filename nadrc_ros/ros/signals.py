@@ -12,7 +12,8 @@ from nadrc_ros.scenario.coefficients import class_fields
 from nadrc_ros.scenario.specs import SignalSpec
 from nadrc_ros.scenario.user_code import user_class
 from nadrc_ros.scenario.user_signal import CsvColumn, SIGNAL
-from nadrc_ros.simulation.signals import make_signal, Signal, signal_fields, SIGNALS
+from nadrc_ros.simulation.protocols import Signal
+from nadrc_ros.simulation.signals import make_signal, signal_fields, SIGNALS
 from rclpy.node import Node
 
 Parameters = dict[str, Any]

@@ -17,7 +17,8 @@ from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants import Plant, PLANTS
+from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.protocols import Plant
 from nadrc_ros.simulation.signals import SIGNALS
 
 KEYS = (

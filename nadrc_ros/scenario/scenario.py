@@ -13,11 +13,12 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.scenario.user_code import blame
-from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
+from nadrc_ros.simulation.experiment import Experiment, Retune
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants import Plant
+from nadrc_ros.simulation.protocols import Plant
+from nadrc_ros.simulation.simulate import Result, simulate
 
 CONTROLLER_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 SETTINGS = declared(ControllerSettings)

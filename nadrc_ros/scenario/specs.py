@@ -10,8 +10,9 @@ from nadrc_ros.adrc.errors import one_of, SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.scenario.user_plant import load_plant
 from nadrc_ros.scenario.user_signal import load_column, load_signal
-from nadrc_ros.simulation.plants import Plant, PLANTS
-from nadrc_ros.simulation.signals import Signal, signal_type
+from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.protocols import Plant, Signal
+from nadrc_ros.simulation.signals import SIGNALS
 
 
 @attrs.frozen(kw_only=True)
@@ -88,7 +89,7 @@ class SignalSpec:
             return load_signal(self.file, self.class_name, self.values)
         if self.csv:
             return load_column(self.csv, self.values)
-        return build(signal_type(self.name), self.values)
+        return build(SIGNALS[self.name], self.values)
 
 
 def _normalize(spec: PlantSpec | SignalSpec, made: object) -> None:

@@ -18,8 +18,8 @@ from nadrc_ros.scenario.files import find_scenario, read_text
 from nadrc_ros.scenario.mapping import from_mapping, refuse_other_kinds
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.user_code import blame
+from nadrc_ros.simulation.batch import run_metrics, RunMetrics
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.many import run_metrics, RunMetrics
 from nadrc_ros.yaml_text import read_yaml, write_yaml
 
 KEYS = ('scenario', 'vary', 'seeds')

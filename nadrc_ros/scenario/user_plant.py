@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from nadrc_ros.scenario.user_code import blame, construct, Kind, user_class
-from nadrc_ros.simulation.plants import check_plant, Plant, plant_type
+from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.protocols import check_plant, Plant
 
 PLANT = Kind('plant', 'derivative', 'plants')
 
@@ -65,5 +66,5 @@ def plant_class(name: str, class_name: str = '') -> type[Any]:
 
     """
     if not name.endswith('.py'):
-        return plant_type(name)
+        return PLANTS[name]
     return user_class(PLANT, os.path.abspath(name), class_name)

@@ -16,8 +16,8 @@ from nadrc_ros.adrc.settings import LARGEST, LONGEST
 from nadrc_ros.scenario.csv_file import open_csv
 from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.user_code import blame, construct, Kind, user_class
-from nadrc_ros.simulation.signals import check_signal, Signal
-from nadrc_ros.simulation.signals.table import Table
+from nadrc_ros.simulation.protocols import check_signal, Signal
+from nadrc_ros.simulation.signals import Table
 import numpy as np
 
 SIGNAL = Kind('', 'derivatives', 'signals')

@@ -6,8 +6,8 @@ then compiles the source that runs in plain Python: same bits, 50 times the spee
 one combination of plant, reference and disturbance class; their numbers and the controller's
 are arguments. The law is compiled once for all loops, which takes longer than the rest of one.
 What was compiled is kept on disk, in ``__pycache__`` beside its source or else in the user's cache
-folder, under a name made of all that was compiled: numba by itself would not notice that another
-file changed.
+folder, under a name made of the source files of all of it: numba by itself would not notice that
+another file than this one changed.
 """
 
 from __future__ import annotations
@@ -15,11 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache, lru_cache
 from hashlib import sha256
-from inspect import getmembers, isfunction
-import marshal
+from inspect import getmembers, getmodule, getsource, isfunction
 from math import isfinite, isnan
-import pickle
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any
 
 from nadrc_ros.adrc import (
@@ -41,28 +39,27 @@ from nadrc_ros.adrc.settings import LARGEST, REFERENCE_DERIVATIVES, SMALLEST
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
-from nadrc_ros.simulation.loop import LEVELS
-from nadrc_ros.simulation.metrics import accumulate
-from nadrc_ros.simulation.plants.protocol import probe_state, unexplained
-from nadrc_ros.simulation.remainder import accumulate_remainders
+from nadrc_ros.simulation.loop import FIRST_LEVEL
+from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
+from nadrc_ros.simulation.protocols import probe_states, total_disturbance
 import numba
 from numba import types
 from numba.core.event import Event, install_listener, Listener
 from numba.extending import intrinsic, overload, register_jitable
 import numpy as np
 
-LAW = (
+_LAW = (
     *(limiter, feedback, state_module, differentiator, observer),
     *(law, transfer, supervisor, tick_module),
 )
-SIMULATION = (integrate, unexplained, accumulate, accumulate_remainders)
+_SIMULATION = (integrate, total_disturbance, accumulate, accumulate_remainders)
 # So many combinations of classes are kept ready; a further one is read from disk again.
-KEPT = 64
+_LOOPS_KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
-ENTRIES = 1 + REFERENCE_DERIVATIVES
+_REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
 # All others are inlined, which makes the loop six times as fast; these would double the time to
 # compile for nothing.
-SELDOM = (
+_NOT_INLINED = (
     *(law._refuse, law._restart, state_module.start, state_module.rest),
     *(transfer.restart_profile, observer.place),
 )
@@ -89,14 +86,14 @@ def unowned(context: Any, value: Any) -> Any:
     return value(value), codegen
 
 
-@lru_cache(KEPT)
+@lru_cache(_LOOPS_KEPT)
 def compiled_loop(
     derivative: Any, output: Any, references: Any, disturbances: Any
 ) -> Callable[..., Any]:
     """Return the loop for these methods; it is compiled, or read from disk, at its first call."""
     methods = derivative, output, references, disturbances
     share_law()
-    for function in (*methods, *SIMULATION):
+    for function in (*methods, *_SIMULATION):
         _register(function)
 
     def loop(
@@ -155,7 +152,7 @@ def compiled_loop(
                 design, state, watch, True, reference, True, measurement, command, h, h, 0.0, spare
             )
             disturbances(disturbance, t, w)
-            truth = unexplained(derivative, plant, b0, t, x, u, w[0], work[0])
+            truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
             truth += (b0 - design.b0) * u
             integrate(
                 derivative, plant, disturbances, disturbance, t, x, u, h, substeps, work, w, x_next
@@ -184,14 +181,14 @@ def compiled_loop(
                 row[7] = disturbance_estimate(design, spare)
                 row[8] = truth
                 for level in range(design.levels):
-                    row[LEVELS + level] = spare.levels[level][design.order]
+                    row[FIRST_LEVEL + level] = spare.levels[level][design.order]
             state, spare = spare, state
             x, x_next = x_next, x
             k += 1
         return k, status, command, watch, (k - first) % 2
 
-    _name_by_content(loop, (*methods, *_law(), *SIMULATION))
-    fast: Callable[..., Any] = numba.njit(nogil=True, cache=True)(loop)
+    parts = (loop, *methods, *_law(), *_SIMULATION)
+    fast: Callable[..., Any] = numba.njit(nogil=True, cache=_named_by_source(loop, parts))(loop)
     return fast
 
 
@@ -209,14 +206,15 @@ def same_alone(
     derivative, output, *sampled = map(_alone, methods)
     plant, *signals = things
     same = True
+    probes = probe_states(plant.states)[1:]
     for i, t in enumerate(times):
-        x = [(1.0 + 0.01 * i) * part for part in probe_state(plant.states, 1 + i % 3)]
+        x = [(1.0 + 0.01 * i) * part for part in probes[i % len(probes)]]
         same = same and output(fields[0], np.array(x)) == x[0]
         calls: list[tuple[Any, ...]] = [
             (plant.states, derivative, type(plant).derivative, plant, (x, 0.1 * i, 1.0))
         ]
         for method, signal in zip(sampled, signals):
-            calls.append((ENTRIES, method, type(signal).derivatives, signal, ()))
+            calls.append((_REFERENCE_ENTRIES, method, type(signal).derivatives, signal, ()))
         for own, (size, fast, plain, thing, more) in zip(fields, calls):
             out, expected = np.zeros(size), [0.0] * size
             try:
@@ -232,7 +230,7 @@ def _as_array(value: Any) -> Any:
     return np.array(value) if isinstance(value, list) else value
 
 
-@lru_cache(KEPT)
+@lru_cache(_LOOPS_KEPT)
 def _alone(method: Any) -> Any:
     """Return a method compiled by itself, once for each type of its numbers."""
     return numba.njit(method)
@@ -245,41 +243,40 @@ def share_law() -> None:
         if function is not tick:
             _register(function)
     shared = FunctionType(tick.__code__, tick.__globals__)
-    _name_by_content(shared, _law())
-    options = {'forceinline': True, 'cache': True}
+    options = {'forceinline': True, 'cache': _named_by_source(shared, _law())}
     overload(tick, jit_options=options, strict=False)(lambda *arguments: shared)
 
 
 @cache
 def _register(function: Callable[..., Any]) -> None:
-    register_jitable(forceinline=function not in SELDOM)(function)
+    register_jitable(forceinline=function not in _NOT_INLINED)(function)
 
 
 @cache
 def _law() -> tuple[Callable[..., Any], ...]:
     return tuple(
         function
-        for module in LAW
+        for module in _LAW
         for _, function in getmembers(module, isfunction)
         if function.__module__ == module.__name__
     )
 
 
-def _name_by_content(function: Any, parts: Iterable[Callable[..., Any]]) -> None:
-    """Give a function the name of its file on disk: no two that are made at once share one."""
+def _named_by_source(function: Any, parts: Iterable[Callable[..., Any]]) -> bool:
+    """
+    Give a function the name of its file on disk, of the source files that its parts are from.
+
+    Return False if there is no such file, as for what is typed into an interpreter: then nothing
+    would tell one state of it from another.
+    """
     digest = sha256()
-    for part in (function, *parts):
-        digest.update(_identity(part))
+    try:
+        for module in dict.fromkeys(map(getmodule, parts)):
+            digest.update(getsource(module).encode())  # type: ignore[arg-type]
+    except (OSError, TypeError):
+        return False
     function.__qualname__ = f'{function.__name__}_{digest.hexdigest()[:16]}'
-
-
-def _identity(function: Any) -> bytes:
-    """Return the code of a function with what its global names mean: constants, functions."""
-    code, names = function.__code__, function.__globals__
-    meant = [names.get(name) for name in code.co_names if name != unowned.__name__]
-    meant = [value.__name__ if isinstance(value, ModuleType) else value for value in meant]
-    told = function.__module__, function.__qualname__, pickle.dumps(meant)
-    return marshal.dumps((*told, code), 2)  # later versions of marshal are not reproducible
+    return True
 
 
 class _Announcer(Listener):  # type: ignore[misc]

@@ -10,19 +10,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import copysign, expm1, inf, isfinite, nan
+from math import ceil, copysign, expm1, inf, isfinite, nan
 from typing import Generic, NamedTuple, TypeVar
 
 import attrs
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import FASTEST, LARGEST, LONGEST, SMALLEST
-from nadrc_ros.simulation.periods import first_period
 import numpy as np
 
 NEVER = 2**62
 # A reordered sample comes when so many newer ones are there.
 OVERTAKEN = 2
 F = TypeVar('F', 'MeasurementFault', 'CommandFault')
+
+
+def first_period(time: float, rate: float) -> int:
+    """Return the first k with k / rate at or after ``time`` [s]."""
+    k = max(ceil(time * rate) - 2, 0)
+    while k / rate < time:
+        k += 1
+    return k
 
 
 class Sample(NamedTuple):

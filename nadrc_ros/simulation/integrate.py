@@ -7,25 +7,28 @@ stage. A jump of the disturbance inside a period costs the order for that period
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import ceil, isfinite, isnan
-from operator import mul
+from math import ceil, isfinite
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.simulation.plants.protocol import Plant, probe_state
-from nadrc_ros.simulation.signals.protocol import Signal
-from nadrc_ros.simulation.vector import MutableVector, Vector
+from nadrc_ros.simulation.protocols import (
+    Derivative,
+    Derivatives,
+    MutableVector,
+    Plant,
+    probe_states,
+    Signal,
+    Vector,
+)
+import numpy as np
+import numpy.typing as npt
 
-SLOPES = 4
-WORK_ROWS = SLOPES + 1
-MAX_SUBSTEPS = 10_000
-REACH = 0.25
+_STAGE = 4  # the row of the work buffer behind those of the four slopes
+_MOST_SUBSTEPS = 10_000
+# Of a time constant, one Runge-Kutta step at most.
+_LARGEST_STEP = 0.25
 # Beyond it a state has run away: its powers overflow, and functions of them are not defined.
-FAR = 1e30
-
-Derivative = Callable[[Any, float, Vector, float, float, MutableVector], None]
-Derivatives = Callable[[Any, float, MutableVector], None]
+_FAR = 1e30
 
 
 def integrate(
@@ -73,7 +76,7 @@ def integrate(
     """
     size = len(x)
     step = h / substeps
-    stage = work[SLOPES]
+    stage = work[4]
     for i in range(size):
         out[i] = x[i]
     for j in range(substeps):
@@ -100,7 +103,7 @@ def integrate(
 
 def make_work(states: int) -> list[list[float]]:
     """Return the buffer that :func:`integrate` works in."""
-    return [[0.0] * states for _ in range(WORK_ROWS)]
+    return [[0.0] * states for _ in range(_STAGE + 1)]
 
 
 class Integrator:
@@ -140,7 +143,7 @@ class Integrator:
             )
             finite = all(isfinite(out[i]) for i in range(len(out)))
         except (OverflowError, ValueError) as error:
-            if not ran_away(error, x, out, self._work[SLOPES]):
+            if not ran_away(error, x, out, self._work[_STAGE]):
                 raise
             finite = False
         if not finite:
@@ -160,18 +163,19 @@ def ran_away(error: Exception, *states: Vector) -> bool:
     if isinstance(error, OverflowError):
         return True
     return isinstance(error, ValueError) and not all(
-        abs(x[i]) < FAR for x in states for i in range(len(x))
+        abs(x[i]) < _FAR for x in states for i in range(len(x))
     )
 
 
 def fastest_rate(plant: Plant) -> float:
     """
-    Return an estimate of the largest eigenvalue magnitude [1/s] of the plant's dynamics.
+    Return the largest eigenvalue magnitude [1/s] of the plant's dynamics at the probe states.
 
-    The Jacobian is taken by differences at the fixed probe states, and the spectral radius by
-    Gelfand's formula, the norm of its 32nd power to 1/32: within a few per cent above.
+    The Jacobian is taken by differences; where it is not finite, it tells nothing.
     """
-    return max(_spectral_radius(_jacobian(plant, probe)) for probe in range(4))
+    jacobians = np.array([_jacobian(plant, x) for x in probe_states(plant.states)])
+    known = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
+    return float(np.abs(np.linalg.eigvals(known)).max(initial=0.0))
 
 
 def substeps_for(plant: Plant, h: float) -> int:
@@ -184,42 +188,29 @@ def substeps_for(plant: Plant, h: float) -> int:
     Raises
     ------
     SettingError
-        For more than ``MAX_SUBSTEPS``: so fast a plant would take for ever.
+        For more than ``_MOST_SUBSTEPS``: so fast a plant would take for ever.
 
     """
     fastest = fastest_rate(plant)
-    steps = h * fastest / REACH
-    if not steps <= MAX_SUBSTEPS:
+    steps = h * fastest / _LARGEST_STEP
+    if not steps <= _MOST_SUBSTEPS:
         raise SettingError(
             'rate',
             1.0 / h,
-            f'at least {fastest / (REACH * MAX_SUBSTEPS):.3g} Hz for this plant, '
+            f'at least {fastest / (_LARGEST_STEP * _MOST_SUBSTEPS):.3g} Hz for this plant, '
             f'whose fastest part has a time constant of {1.0 / fastest:.3g} s',
         )
     return max(1, ceil(steps - 1e-9))
 
 
-def _jacobian(plant: Plant, probe: int) -> list[list[float]]:
-    size, delta = plant.states, 1e-6
-    x, columns = probe_state(size, probe), []
+def _jacobian(plant: Plant, x: list[float]) -> npt.NDArray[np.float64]:
+    """Return d(dx/dt)/dx at ``x``, shape (states, states)."""
+    size, delta = len(x), 1e-6
+    slopes = np.zeros((2, size, size))
     for j in range(size):
-        above, below = [0.0] * size, [0.0] * size
-        for dx, shift in ((above, delta), (below, -delta)):
+        for way, shift in enumerate((delta, -delta)):
+            dx = [0.0] * size
             plant.derivative(0.0, [x[i] + shift * (i == j) for i in range(size)], 0.0, 0.0, dx)
-        columns.append([(above[i] - below[i]) / (2.0 * delta) for i in range(size)])
-    return [[column[i] for column in columns] for i in range(size)]
-
-
-def _spectral_radius(matrix: list[list[float]]) -> float:
-    """Square five times, dividing by the norm each time: rho = |A^32|^(1/32)."""
-    size, radius, power = len(matrix), 1.0, 1
-    for _ in range(6):
-        norm = max(sum(abs(a) for a in row) for row in matrix)
-        if norm == 0.0 or isnan(norm):
-            return 0.0
-        radius *= norm ** (1.0 / power)
-        matrix = [[a / norm for a in row] for row in matrix]
-        columns = list(zip(*matrix, strict=True))
-        matrix = [[sum(map(mul, row, columns[j])) for j in range(size)] for row in matrix]
-        power *= 2
-    return radius
+            slopes[way, :, j] = dx
+    jacobian: npt.NDArray[np.float64] = (slopes[0] - slopes[1]) / (2.0 * delta)
+    return jacobian

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from functools import cache, lru_cache
 from hashlib import sha256
 import pickle
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.design import Design
@@ -18,21 +18,18 @@ from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import Watch
 from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone
+from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.integrate import make_work
-from nadrc_ros.simulation.loop import Array, Loop, WIDTH
-from nadrc_ros.simulation.plants.protocol import probe_state
+from nadrc_ros.simulation.loop import Array, Loop, ROW_WIDTH
+from nadrc_ros.simulation.protocols import probe_states
 import numpy as np
 
-if TYPE_CHECKING:
-    from nadrc_ros.simulation.experiment import Experiment
-
-PROBES = 4
-PROBE_PERIODS = 5
-PROBE_TIMES = 200
-SHORTEST_RUN = 1e-3
+_TRIED_PERIODS = 5
+_TRIED_TIMES = 200
+_SHORTEST_RUN = 1e-3  # of an experiment [s]
 # Sets of numbers of a user's classes that are remembered as tried: a sweep may have any number.
-KEPT = 256
+_VERDICTS_KEPT = 256
 
 
 class Kernel:
@@ -50,13 +47,13 @@ class Kernel:
 
     def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
         """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""
-        experiment, process, running = loop.experiment, loop.process, loop.controller
+        experiment, plant_run, running = loop.experiment, loop.plant_run, loop.controller
         design = running.design
         states = [tuple_of(state) for state in (running.state, blank_state(design))]
         acc, remainders = np.array(loop.acc), np.array(loop.remainders)
         counts = np.zeros(len(Status), dtype=np.int64)
         reference = np.array(running.reference)
-        xs = np.array([process.state, process.state], dtype=np.float64)
+        xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
         try:
             k, status, command, watch, last = self.compiled(
                 *self.fields,
@@ -71,12 +68,12 @@ class Kernel:
                 xs[1],
                 np.zeros(1),
                 np.array(make_work(len(xs[0]))),
-                process.k,
+                plant_run.k,
                 stop,
                 float(experiment.rate),
-                process.substeps,
-                float(process.plant.b0),
-                process.plant.order,
+                plant_run.substeps,
+                float(plant_run.plant.b0),
+                plant_run.plant.order,
                 experiment.error == 'tracking',
                 loop.noise,
                 loop.noise_start,
@@ -87,9 +84,9 @@ class Kernel:
             )
         except Exception:  # what is wrong with a plant is told by running it in plain Python
             return False
-        if k > process.k:
-            process.k = k
-            process.state = xs[last].tolist()
+        if k > plant_run.k:
+            plant_run.k = k
+            plant_run.state = xs[last].tolist()
             running.state = State(*(part.tolist() for part in states[last]))
             running.reference[:] = reference.tolist()
             running.watch = Watch(*watch)
@@ -123,7 +120,7 @@ def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None)
     return kernel if verdict[0] else None
 
 
-@lru_cache(KEPT)
+@lru_cache(_VERDICTS_KEPT)
 def _verdict(methods: tuple[Any, ...], numbers: bytes) -> list[bool]:
     """Return the list that takes the one verdict on these methods with these numbers."""
     return []
@@ -134,45 +131,40 @@ def _believed(
 ) -> bool:
     try:
         things = experiment.plant, experiment.reference, experiment.disturbance
-        times = [experiment.duration * i / PROBE_TIMES for i in range(PROBE_TIMES)]
+        times = [experiment.duration * i / _TRIED_TIMES for i in range(_TRIED_TIMES)]
         if foreign and not same_alone(kernel.methods, kernel.fields, things, times):
             return False
         with announced(kernel.compiled, say) if say is not None else nullcontext():
-            return _agrees(kernel, experiment, PROBES if foreign else 1)
+            states = probe_states(experiment.plant.states)
+            return all(_agrees(kernel, experiment, x) for x in states[: None if foreign else 1])
     except Exception:
         return False
 
 
-def _agrees(kernel: Kernel, experiment: Experiment, probes: int) -> bool:
-    """Compare the first periods with plain Python."""
-    plant, period = experiment.plant, experiment.period
+def _agrees(kernel: Kernel, experiment: Experiment, x: list[float]) -> bool:
+    """Compare the first periods from a state with plain Python."""
+    plant = experiment.plant
+    short = attrs.evolve(
+        experiment,
+        initial_state=tuple(x),
+        duration=max(_TRIED_PERIODS * experiment.period, _SHORTEST_RUN),
+        retunes=(),
+        faults=Faults(),
+        settle_time=0.0,
+    )
     settings = ControllerSettings(plant_order=plant.order, b0=plant.b0)
-    for probe in range(probes):
-        short = attrs.evolve(
-            experiment,
-            initial_state=tuple(probe_state(plant.states, probe)),
-            duration=max(PROBE_PERIODS * period, SHORTEST_RUN),
-            retunes=(),
-            faults=Faults(),
-            settle_time=0.0,
-        )
-        plain, fast = Loop(short, settings), Loop(short, settings)
-        rows = np.full((2, short.steps, WIDTH), np.nan)
-        plain.run(rows[0])
-        went: list[bool] = []
+    plain, fast = Loop(short, settings), Loop(short, settings)
+    rows = np.full((2, short.steps, ROW_WIDTH), np.nan)
+    went: list[bool] = []
 
-        def watched(*now: Any, went: list[bool] = went) -> bool:
-            went.append(kernel(*now))
-            return went[-1]
+    def watched(*now: Any) -> bool:
+        went.append(kernel(*now))
+        return went[-1]
 
-        fast.run(rows[1], watched)
-        if not all(went):
-            return False
-        if plain.process.state != fast.process.state:
-            return False
-        if not np.array_equal(rows[0], rows[1], equal_nan=True):
-            return False
-    return True
+    plain.run(rows[0])
+    fast.run(rows[1], watched)
+    same_state = plain.plant_run.state == fast.plant_run.state
+    return all(went) and same_state and np.array_equal(rows[0], rows[1], equal_nan=True)
 
 
 def fields_of(thing: Any) -> Any:

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
-from nadrc_ros.simulation.faults import Sample
-from nadrc_ros.simulation.metrics import accumulate, sums
-from nadrc_ros.simulation.periods import first_period
-from nadrc_ros.simulation.remainder import accumulate_remainders
-from nadrc_ros.simulation.signals import Signal
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.faults import first_period, Sample
+from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders, sums
+from nadrc_ros.simulation.protocols import Signal
 import numpy as np
 import numpy.typing as npt
-
-if TYPE_CHECKING:
-    from nadrc_ros.simulation.experiment import Experiment
 
 Array = npt.NDArray[np.float64]
 # A row: these, then one estimate per level.
@@ -33,10 +28,10 @@ COLUMNS = (
     'disturbance_estimate',
     'total_disturbance',
 )
-LEVELS = len(COLUMNS)
-WIDTH = LEVELS + MAX_LEVELS
+FIRST_LEVEL = len(COLUMNS)
+ROW_WIDTH = FIRST_LEVEL + MAX_LEVELS
 # Periods between two draws of noise: the memory of a run of any length.
-BLOCK = 8192
+_NOISE_BLOCK = 8192
 
 # kernel(loop, stop, rows) advances the loop towards period ``stop``, up to which no setting
 # changes and there is noise. It stops before a period it cannot do, and returns False when it
@@ -50,12 +45,12 @@ class Loop:
 
     Attributes
     ----------
-    process, controller
+    plant_run, controller
         The plant, with the number k of the next period, and what controls it.
     acc
         The sums of :func:`~nadrc_ros.simulation.metrics.accumulate`.
     remainders
-        The sums of :func:`~nadrc_ros.simulation.remainder.accumulate_remainders`.
+        The sums of :func:`~nadrc_ros.simulation.metrics.accumulate_remainders`.
     levels
         The largest number of levels that was in use.
     noise, noise_start
@@ -65,7 +60,7 @@ class Loop:
 
     def __init__(self, experiment: Experiment, settings: ControllerSettings) -> None:
         self.experiment = experiment
-        self.process = experiment.process()
+        self.plant_run = experiment.plant_run()
         self.controller = Controller(settings, checked=not experiment.faults.blind)
         self.acc = sums(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
@@ -81,52 +76,52 @@ class Loop:
 
     def run(self, rows: Array, kernel: Kernel | None = None) -> None:
         """
-        Go on to the end, writing a row per period if ``rows`` (steps, ``WIDTH``) has any.
+        Go on to the end, writing a row per period if ``rows`` (steps, ``ROW_WIDTH``) has any.
 
         Periods that the kernel leaves are done here: those in which settings change or something
         goes wrong.
         """
-        steps, process = self.experiment.steps, self.process
-        while process.k < steps:
+        steps, plant_run = self.experiment.steps, self.plant_run
+        while plant_run.k < steps:
             drawn = self.noise_start + len(self.noise)
-            if process.k == drawn:
-                self.noise = process.noise_block(drawn, min(BLOCK, steps - drawn))
+            if plant_run.k == drawn:
+                self.noise = plant_run.noise_block(drawn, min(_NOISE_BLOCK, steps - drawn))
                 self.noise_start = drawn
                 drawn += len(self.noise)
             if kernel is not None and self._regular():
-                stop = min(drawn, process.faults.next_begin(process.k))
+                stop = min(drawn, plant_run.faults.next_begin(plant_run.k))
                 stop = min(stop, self._changes[0][0]) if self._changes else stop
-                if process.k < stop and not kernel(self, stop, rows):
+                if plant_run.k < stop and not kernel(self, stop, rows):
                     kernel = None
-                self._newest = Sample(nan, process.k - 1.0, process.k - 1)
-                if process.k == drawn:
+                self._newest = Sample(nan, plant_run.k - 1.0, plant_run.k - 1)
+                if plant_run.k == drawn:
                     continue
             self._period(rows)
 
     def _regular(self) -> bool:
         """Tell whether this period has its one sample, as the one before had."""
-        k = self.process.k
+        k = self.plant_run.k
         usual = self._newest.number == k - 1 == self._newest.stamp
-        return usual and not self.process.faults.acts(k)
+        return usual and not self.plant_run.faults.acts(k)
 
     def _period(self, rows: Array) -> None:
         """Advance by one period in plain Python."""
-        experiment, process, controller = self.experiment, self.process, self.controller
-        k, h = process.k, experiment.period
+        experiment, plant_run, controller = self.experiment, self.plant_run, self.controller
+        k, h = plant_run.k, experiment.period
         t = k / experiment.rate
         while self._changes and self._changes[0][0] <= k:
             self._settings = attrs.evolve(self._settings, **self._changes.pop(0)[1])
             controller.retune(self._settings)
         r = sample_reference(experiment.reference, k, experiment.rate)
-        y = process.output
+        y = plant_run.output
         measured = y + float(self.noise[k - self.noise_start])
-        measurement, dt = self._take(process.samples(measured))
+        measurement, dt = self._take(plant_run.samples(measured))
         u = controller.tick(measurement, dt, elapsed=h, reference=r)
-        acting = process.act(u)
+        acting = plant_run.act(u)
         followed = r[0] if experiment.error == 'reference' else controller.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
-        truth = process.total_disturbance(u, acting) + (process.plant.b0 - now.b0) * u
+        truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - now.b0) * u
         accumulate(self.acc, t, h, followed - y, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
@@ -144,7 +139,7 @@ class Loop:
                 *controller.disturbances,
             )
             rows[k, : len(row)] = row
-        process.advance(acting)
+        plant_run.advance(acting)
 
     def _take(self, samples: list[Sample]) -> tuple[float, float]:
         """Return the newest sample that arrived, nan if none did, and the time it spans [s]."""

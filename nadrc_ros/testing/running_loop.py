@@ -22,8 +22,9 @@ from nadrc_ros.report.timeline import referred
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.node_arguments import overrides
 from nadrc_ros.ros.runtime import LiveNode, spin_for
-from nadrc_ros.simulation.experiment import Result, Retune
-from nadrc_ros.simulation.periods import first_period
+from nadrc_ros.simulation.experiment import Retune
+from nadrc_ros.simulation.faults import first_period
+from nadrc_ros.simulation.simulate import Result
 import numpy as np
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node

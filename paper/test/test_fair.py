@@ -10,7 +10,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.simulation.many import simulate_many
+from nadrc_ros.simulation.batch import simulate_batch
 from nadrc_ros.yaml_text import read_yaml
 from paper import fair, retune
 from paper.candidates import (
@@ -156,7 +156,7 @@ def test_retune_finds_designs_within_the_budget_and_again_the_same(short: Scenar
     for name, found in designs.items():
         for aim in AIMS:
             for budget, values in zip(SHORT_BUDGETS, found[aim]):
-                runs = simulate_many(
+                runs = simulate_batch(
                     short.experiment(),
                     [designed(short, name, values)],
                     retune.SEEDS,

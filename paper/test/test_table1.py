@@ -7,7 +7,7 @@ import json
 from math import sqrt
 
 from nadrc_ros.scenario import find_scenario, load
-from nadrc_ros.simulation.experiment import simulate
+from nadrc_ros.simulation.simulate import simulate
 import numpy as np
 from paper import table1
 from paper.drawing import render

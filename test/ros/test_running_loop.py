@@ -24,10 +24,11 @@ from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.scenario import loads
-from nadrc_ros.simulation.experiment import Experiment, Result, Retune, simulate
+from nadrc_ros.simulation.experiment import Experiment, Retune
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.signals import make_signal
+from nadrc_ros.simulation.simulate import Result, simulate
 from nadrc_ros.testing import loop, RunningLoop, scenario_loop
 import numpy as np
 import pytest

@@ -10,7 +10,7 @@ from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants.chain import Chain
+from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.tuning.identification.advice import delay_of, rounded
 from nadrc_ros.tuning.identification.identify import Plant
 from nadrc_ros.tuning.identification.log import dominant_sine

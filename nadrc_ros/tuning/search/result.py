@@ -17,7 +17,7 @@ from nadrc_ros.scenario.parameter_files import (
     controller_parameters,
     parameter_text,
 )
-from nadrc_ros.simulation.many import run_metrics
+from nadrc_ros.simulation.batch import run_metrics
 from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.theory.margins import Margins
 from nadrc_ros.tuning.search.front import Choice, choose, front, knee, Point

@@ -13,9 +13,9 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.user_code import blame
+from nadrc_ros.simulation.batch import run_metrics, RunMetrics
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
-from nadrc_ros.simulation.many import run_metrics, RunMetrics
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import Margins, margins
 from nadrc_ros.tuning.search.settings import TuneSettings

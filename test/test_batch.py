@@ -17,9 +17,15 @@ import weakref
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads
-from nadrc_ros.simulation import loop, many
+from nadrc_ros.simulation import batch, loop
+from nadrc_ros.simulation.batch import (
+    _TASKS_AHEAD,
+    batch_size,
+    run_metrics,
+    simulate_batch,
+    stream,
+)
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.many import AHEAD, batch_size, run_metrics, simulate_many, stream
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -34,7 +40,7 @@ controllers: {nested: {}}
 SCRIPT = f"""
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads
-from nadrc_ros.simulation.many import simulate_many
+from nadrc_ros.simulation.batch import simulate_batch
 
 def tell(done, count):
     if done == 100:
@@ -42,16 +48,16 @@ def tell(done, count):
 
 if __name__ == '__main__':
     one = loads('''{TEXT % 0.2}''').experiment()
-    found = simulate_many(
+    found = simulate_batch(
         one, [ControllerSettings()], range(1000), compiled=False, progress=tell
     )
     print(len(found))
 """
 # Between the two lines with which a task comes into the books of the executor and its queue.
 INTERRUPTED = """
-from nadrc_ros.simulation import many
+from nadrc_ros.simulation import batch
 
-def own_workers(fast, make=many.own_workers):
+def own_workers(fast, make=batch.own_workers):
     workers = make(fast)
     put, left = workers._work_ids.put, iter(range(4))
 
@@ -63,7 +69,7 @@ def own_workers(fast, make=many.own_workers):
     workers._work_ids.put = interrupted
     return workers
 
-many.own_workers = own_workers
+batch.own_workers = own_workers
 """
 SETTINGS = [ControllerSettings(), ControllerSettings(structure='conventional')]
 
@@ -111,15 +117,15 @@ def test_several_plants_are_run_in_the_order_of_nested_loops() -> None:
         for seed in seeds
     ]
     assert len({run.itae for run in expected}) == len(expected)
-    assert simulate_many(plants, SETTINGS, seeds, compiled=False) == expected
+    assert simulate_batch(plants, SETTINGS, seeds, compiled=False) == expected
     with ThreadPoolExecutor(2) as threads:
-        assert simulate_many(plants, SETTINGS, seeds, executor=threads) == expected
-    assert simulate_many([], SETTINGS, seeds) == []
+        assert simulate_batch(plants, SETTINGS, seeds, executor=threads) == expected
+    assert simulate_batch([], SETTINGS, seeds) == []
 
 
 def test_progress_is_told_in_order_to_the_end() -> None:
     told: list[tuple[int, int]] = []
-    simulate_many(
+    simulate_batch(
         experiment(),
         SETTINGS,
         range(150),
@@ -136,8 +142,8 @@ def test_ctrl_c_returns_what_is_done() -> None:
             raise KeyboardInterrupt
 
     kwargs: Any = {'executor': AtOnce(), 'compiled': False}
-    whole = simulate_many(experiment(), SETTINGS, range(150), **kwargs)
-    part = simulate_many(experiment(), SETTINGS, range(150), progress=interrupt, **kwargs)
+    whole = simulate_batch(experiment(), SETTINGS, range(150), **kwargs)
+    part = simulate_batch(experiment(), SETTINGS, range(150), progress=interrupt, **kwargs)
     assert 100 <= len(part) < len(whole) == 300
     assert part == whole[: len(part)]
 
@@ -169,14 +175,14 @@ def test_ctrl_c_while_a_task_is_handed_out_does_not_wait_for_it_for_ever() -> No
 
 
 def test_without_the_compiler_all_cores_are_used_by_processes() -> None:
-    assert isinstance(many.own_workers(True), ThreadPoolExecutor)
-    with many.own_workers(False) as workers:
+    assert isinstance(batch.own_workers(True), ThreadPoolExecutor)
+    with batch.own_workers(False) as workers:
         assert isinstance(workers, ProcessPoolExecutor)
 
 
 def test_a_bounded_number_of_tasks_is_under_way() -> None:
     executor = AtOnce()
-    count = 3 * AHEAD
+    count = 3 * _TASKS_AHEAD
     drawn = 0
 
     def tasks() -> Any:
@@ -186,9 +192,9 @@ def test_a_bounded_number_of_tasks_is_under_way() -> None:
 
     found = stream(executor, abs, tasks())
     assert next(found) == 0 and drawn == 0  # the first alone
-    assert next(found) == 1 and drawn <= AHEAD
+    assert next(found) == 1 and drawn <= _TASKS_AHEAD
     assert list(found) == list(range(2, count))
-    assert executor.most <= AHEAD + 2
+    assert executor.most <= _TASKS_AHEAD + 2
 
 
 def test_what_was_not_begun_is_cancelled_when_the_reader_goes() -> None:
@@ -200,21 +206,21 @@ def test_what_was_not_begun_is_cancelled_when_the_reader_goes() -> None:
 
 @pytest.mark.parametrize('fast', [True, False])
 def test_a_task_is_neither_too_long_nor_too_short(fast: bool) -> None:
-    limit = many.TASK_PERIODS[fast]
+    limit = batch._TASK_PERIODS[fast]
     assert batch_size(1000, 1000 * 10 * limit, fast) == 1
     assert batch_size(1000, 1000 * limit // 10, fast) == 10
-    assert batch_size(10**5, 10**5, fast) == many.TASK_RUNS
-    assert batch_size(5, 0, fast) == many.TASK_RUNS
+    assert batch_size(10**5, 10**5, fast) == batch._TASK_RUNS
+    assert batch_size(5, 0, fast) == batch._TASK_RUNS
 
 
 def test_memory_does_not_grow_with_the_length_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loop, 'BLOCK', 128)
+    monkeypatch.setattr(loop, '_NOISE_BLOCK', 128)
 
     def peak(periods: int) -> int:
         one = attrs.evolve(experiment(), duration=periods / 100.0)
         gc.collect()
         tracemalloc.start()
-        simulate_many(one, SETTINGS[:1], [1], executor=AtOnce(), compiled=False)
+        simulate_batch(one, SETTINGS[:1], [1], executor=AtOnce(), compiled=False)
         top = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return top

@@ -16,19 +16,20 @@ from typing import Any, TypeVar
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.simulation.experiment import Experiment, kernel
-from nadrc_ros.simulation.loop import Loop, WIDTH
+from nadrc_ros.simulation.experiment import Experiment
+from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
 from nadrc_ros.simulation.metrics import metric_values, MetricValues
+from nadrc_ros.simulation.simulate import kernel_of
 import numpy as np
 
 T = TypeVar('T')
 Run = tuple[Experiment, ControllerSettings, int]
 # A task is long enough to make its way to another process not matter, about a tenth of a second,
 # and short enough to wait for.
-TASK_RUNS = 100
-TASK_PERIODS = {True: 100_000, False: 5_000}  # compiled, in plain Python
+_TASK_RUNS = 100
+_TASK_PERIODS = {True: 100_000, False: 5_000}  # compiled, in plain Python
 # Tasks handed out at once: more than any cluster has workers, few enough to be held in memory.
-AHEAD = 512
+_TASKS_AHEAD = 512
 
 
 @attrs.frozen(kw_only=True)
@@ -48,7 +49,7 @@ class RunMetrics(MetricValues):
     remainder_itae: tuple[float, ...]
 
 
-def simulate_many(
+def simulate_batch(
     experiment: Experiment | Sequence[Experiment],
     settings: Sequence[ControllerSettings],
     seeds: Sequence[int],
@@ -76,7 +77,7 @@ def simulate_many(
         Where the runs are done: any executor, as of a Dask client. By default threads of its own
         if the runs are compiled, which lets them use all cores, otherwise processes.
     compiled, say
-        As in :func:`~nadrc_ros.simulation.experiment.simulate`.
+        As in :func:`~nadrc_ros.simulation.simulate.simulate`.
     progress
         Called now and then with the number of runs that are done, and of all.
 
@@ -86,7 +87,7 @@ def simulate_many(
     count, periods = len(experiments) * each, sum(one.steps for one in experiments) * each
     if not count:
         return []
-    fast = None not in [kernel(one, periods, compiled, say) for one in experiments]
+    fast = None not in [kernel_of(one, periods, compiled, say) for one in experiments]
     runs: Iterator[Run] = product(experiments, settings, seeds)
     size = batch_size(count, periods, fast)
     tasks = iter(lambda: (list(islice(runs, size)), fast), ([], fast))
@@ -113,7 +114,7 @@ def ignore_interrupts() -> None:
 
 def batch_size(runs: int, periods: int, fast: bool) -> int:
     """Return how many of ``runs``, of ``periods`` in all, make a task."""
-    return min(max(TASK_PERIODS[fast] * runs // max(periods, 1), 1), TASK_RUNS)
+    return min(max(_TASK_PERIODS[fast] * runs // max(periods, 1), 1), _TASK_RUNS)
 
 
 def stream(
@@ -126,13 +127,13 @@ def stream(
     iterator is closed or fails, tasks that were not begun are cancelled.
     """
     pending: deque[Future[T]] = deque()
-    ahead = AHEAD if isinstance(executor, ThreadPoolExecutor) else 1
+    ahead = _TASKS_AHEAD if isinstance(executor, ThreadPoolExecutor) else 1
     try:
         for task in tasks:
             pending.append(executor.submit(function, *task))
             if len(pending) >= ahead:
                 yield pending.popleft().result()
-                ahead = AHEAD
+                ahead = _TASKS_AHEAD
         while pending:
             yield pending.popleft().result()
     except BrokenExecutor:
@@ -159,7 +160,7 @@ def run_metrics(
     noise = attrs.evolve(experiment.noise, seed=seed)
     one = attrs.evolve(experiment, noise=noise)
     loop = Loop(one, settings)
-    loop.run(np.empty((0, WIDTH)), kernel(one, one.steps, compiled, say))
+    loop.run(np.empty((0, ROW_WIDTH)), kernel_of(one, one.steps, compiled, say))
     values = attrs.asdict(metric_values(loop.acc))
     return RunMetrics(**values, remainder_itae=tuple(loop.remainders[: loop.levels]))
 

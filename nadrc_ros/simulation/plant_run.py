@@ -7,16 +7,15 @@ from math import nan
 from nadrc_ros.simulation.faults import Faults, Injector, Sample
 from nadrc_ros.simulation.integrate import Integrator, ran_away, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
-from nadrc_ros.simulation.plants import Plant, total_disturbance
-from nadrc_ros.simulation.signals import Signal
-from nadrc_ros.simulation.signals.elementary import Nothing
+from nadrc_ros.simulation.protocols import Plant, Signal, total_disturbance
+from nadrc_ros.simulation.signals import Nothing
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
 
-class Process:
+class PlantRun:
     """
     A plant with its disturbance, its measurement noise and its faults, at t_k = k / rate.
 
@@ -52,7 +51,7 @@ class Process:
         self.noise = NoiseSource(noise, 1.0 / rate)
         self.noise_signal = noise_signal
         self._next = list(initial_state)
-        self._derivative = list(initial_state)
+        self._slope = list(initial_state)
         self._w = [0.0]
         self.change(plant, disturbance)
 
@@ -108,7 +107,14 @@ class Process:
         self.disturbance.derivatives(t, self._w)
         try:
             unexplained = total_disturbance(
-                self.plant, b0, t, self.state, acting, self._w[0], self._derivative
+                type(self.plant).derivative,
+                self.plant,
+                b0,
+                t,
+                self.state,
+                acting,
+                self._w[0],
+                self._slope,
             )
         except (OverflowError, ValueError) as error:
             if not ran_away(error, self.state):

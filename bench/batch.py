@@ -1,7 +1,7 @@
 """
 Many runs of which only the figures of merit are kept, as ``nadrc sweep`` makes them.
 
-    python -m bench.many
+    python -m bench.batch
 
 A run is 10 s at 1 kHz on the plant of the paper, with a seed of its own, in compiled threads. On
 one core and on two it is the same process that is given one core or two, in turns of which the
@@ -10,7 +10,7 @@ by the loop in C (loop.c), which does the same in as many threads. Memory is the
 process of its own, Python, NumPy and numba included. How the cost grows is measured on the
 ``chain``, which there is for every order, on one core, in turns and by the best as well.
 
-Keys: ``many.runs_per_s_1core`` and ``.runs_per_s_2core`` [1/s], ``.c_per_s_1core`` and
+Keys: ``batch.runs_per_s_1core`` and ``.runs_per_s_2core`` [1/s], ``.c_per_s_1core`` and
 ``.c_per_s_2core`` of the loop in C; ``.peak_mb`` of 10^5 short runs, ``.peak_mb_<n>_steps`` of a
 few with that many steps [MB]; ``.us_per_run_<case>`` [us].
 Samples: runs per second of each turn, and microseconds per run of each turn and case.
@@ -32,9 +32,9 @@ import attrs
 from bench.results import save, show
 from bench.simulate import c_loop, EXPERIMENT, Run, SETTINGS
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.simulation.batch import simulate_batch
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.many import simulate_many
-from nadrc_ros.simulation.plants.chain import Chain
+from nadrc_ros.simulation.plants import Chain
 
 RUNS = 10_000
 TURNS, GROWTH_TURNS = 4, 8
@@ -50,7 +50,7 @@ def lasting(seconds: float, experiment: Experiment = EXPERIMENT) -> Experiment:
 def time_runs(experiment: Experiment, settings: ControllerSettings, runs: int) -> float:
     """Return how long that many runs take [s]."""
     start = perf_counter()
-    simulate_many(experiment, [settings], range(runs), compiled=True)
+    simulate_batch(experiment, [settings], range(runs), compiled=True)
     return perf_counter() - start
 
 
@@ -136,7 +136,7 @@ def growth(steps: int, runs: int, turns: int) -> dict[str, list[float]]:
 
 def peak_memory(runs: int, seconds: float) -> float:
     """Return the peak memory [MB] of a process that makes so many runs of so many seconds."""
-    command = [sys.executable, '-m', 'bench.many', str(runs), str(seconds)]
+    command = [sys.executable, '-m', 'bench.batch', str(runs), str(seconds)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return float(done.stdout)
 
@@ -164,8 +164,8 @@ def main(
         found[f'peak_mb_{steps}_steps'] = peak_memory(2, steps * EXPERIMENT.period)
     for name, each in cost.items():
         found[f'us_per_run_{name}'] = min(each)
-    save('many', found, speed | cost, **where)
-    show('many', {name: {'': value} for name, value in found.items()}, FOOTNOTE)
+    save('batch', found, speed | cost, **where)
+    show('batch', {name: {'': value} for name, value in found.items()}, FOOTNOTE)
 
 
 FOOTNOTE = (
