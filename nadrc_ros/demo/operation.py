@@ -11,9 +11,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.demo.graph import expected_readers, Loop
 from nadrc_ros.records.recording import SUMMARY
+from nadrc_ros.ros.graph import missing_readers
 from nadrc_ros.ros.parameter_watch import ASK_AGAIN
 from nadrc_ros.ros.runtime import make_executor, spin_for
-from nadrc_ros.ros.topics import missing_readers, receive
+from nadrc_ros.ros.topics import receive
 from nadrc_ros.simulation.experiment import Retune
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParametersAtomically

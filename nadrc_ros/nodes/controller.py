@@ -16,12 +16,12 @@ from nadrc_ros.adrc.supervisor import Mode
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.mode_news import cut_short, describe, jump, LEVELS, ModeNews
+from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
-from nadrc_ros.nodes.takers import Takers
 from nadrc_ros.records.replay import TraceWriter
 from nadrc_ros.ros.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
 from nadrc_ros.ros.diagnostics import Diagnostics, Latencies, WARN
+from nadrc_ros.ros.graph import OutputWatch
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.pacing import Beat, SampleTicker, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown, written_to
@@ -72,7 +72,7 @@ class ControllerNode(LiveNode):
         self._silent = self.controller.quiet
         self._silent_at_stop = False
         self.latencies = Latencies()
-        self._news = ModeNews(self.controller.mode, self.controller.cause)
+        self._mode_log = ModeLog(self.controller.mode, self.controller.cause)
         self.lockstep: Lockstep | None = None
         self._sample_ticker: SampleTicker | None = None
         inputs = ['measurement', 'reference', *derivatives]
@@ -92,7 +92,8 @@ class ControllerNode(LiveNode):
             given = self._parameter_overrides
             doubts = Doubts(self.controller, self.pacing.rate, given, self.remarks)
             self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
-            self.checks.append(Takers(self, self.controller, self._command, self.remarks).look)
+            taken = OutputWatch(self, self._command.topic, self.remarks)
+            self.checks.append(lambda: taken.look(self.controller.mode == Mode.OK))
             rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
             self.beat: Beat = first.beat if first and by_timer else Beat(self, rate, phase=0.5)
             if not by_timer:
@@ -241,7 +242,7 @@ class ControllerNode(LiveNode):
             self._estimates.send(controller)
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, age, reference, applied)
-        if self._news.now != controller.watch[:2] and self._log_mode():
+        if self._mode_log.now != controller.watch[:2] and self._log_mode():
             self.diagnostics.publish()
         if controller.settings is not settings:
             allowed = settings.command_rate_limit * elapsed
@@ -274,9 +275,9 @@ class ControllerNode(LiveNode):
     def _log_mode(self) -> bool:
         """Log a change of mode or cause that was not logged yet; return whether it was now."""
         mode, cause = self.controller.mode, self.controller.cause
-        if (mode, cause) != self._news.now:
+        if (mode, cause) != self._mode_log.now:
             self.events.tell('mode', self._description, LEVELS[cause])
-        message = self._news.of(mode, cause, time.monotonic(), self._unheard)
+        message = self._mode_log.of(mode, cause, time.monotonic(), self._unheard)
         if message and mode == Mode.OK:
             self.get_logger().info(message)
         elif message:

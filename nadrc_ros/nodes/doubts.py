@@ -1,4 +1,4 @@
-"""What a controller in control can see of being wrong: looked at once per second."""
+"""What a controller can see of being wrong: looked at once per second."""
 
 from __future__ import annotations
 
@@ -8,28 +8,25 @@ from math import ceil, inf, isfinite
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Mode
-from nadrc_ros.nodes.mode_news import concerns
-from nadrc_ros.ros.diagnostics import OK
-from nadrc_ros.ros.remarks import Remarks
+from nadrc_ros.ros.diagnostics import OK, Remarks
 from nadrc_ros.ros.topics import Input
 
 # Above this share of the rate an observer is not what its bandwidth says.
-LARGEST_SHARE = 0.3
-# Looks without a reference in control, with a moving one, and with rare samples, until it is said.
-LOOKS = 4
+_LARGEST_SHARE = 0.3
+# So many looks in a row until something is said that may be so for a moment.
+_LOOKS = 4
 # A look is over a second, or so many periods: each has a tick.
-PERIODS = 1.25
+_PERIODS = 1.25
 # At a limit for so long [s], or so many time constants, an error has grown by this share, and by
 # so many times the largest step between two samples, of which a look leaves this share.
-STUCK, TIME_CONSTANTS, GROWTH, CLEARLY, KEPT = 3.0, 12.0, 0.2, 4.0, 0.9
-DEFAULTS = ControllerSettings()
-CONCERNS = ('stall', 'measurement', 'reference')
-PLANT = ('b0', 'command_min', 'command_max')
+_STUCK, _TIME_CONSTANTS, _GROWTH, _CLEARLY, _KEPT = 3.0, 12.0, 0.2, 4.0, 0.9
+_DEFAULTS = ControllerSettings()
+_OF_THE_PLANT = ('b0', 'command_min', 'command_max')
 
 
 class Doubts:
     """
-    Says what the controller can know of a loop that is set up wrongly.
+    Says what the controller can know of a loop that is set up wrongly, as standing remarks.
 
     Parameters
     ----------
@@ -47,12 +44,10 @@ class Doubts:
     ) -> None:
         self._controller = controller
         self._rate = rate
-        self._seconds, self._every = 0, max(1, ceil(PERIODS / rate))
-        self._scatter = 0.0
-        self._forgotten = [name for name in PLANT if name not in given]
         self._remarks = remarks
-        self._unreferenced = self._moving = self._rare = 0
-        self._reference = 0.0
+        self._forgotten = [name for name in _OF_THE_PLANT if name not in given]
+        self._seconds, self._every = 0, max(1, ceil(_PERIODS / rate))
+        self._scatter = self._reference = 0.0
 
     def look(self, spacing: float, references: Sequence[Input]) -> None:
         """
@@ -65,69 +60,82 @@ class Doubts:
         if (self._seconds - 1) % self._every:
             return
         controller, say = self._controller, self._remarks.put
+        settings, watch = controller.settings, controller.watch
+        in_control = controller.mode == Mode.OK
+        refused_y, refused_r = controller.refused_measurement, controller.refused_reference
+        held, before = controller.reference[0], self._reference
+        self._reference = held
         topic, *derivatives = (each.topic for each in references)
-        settings, in_control = controller.settings, controller.mode == Mode.OK
-        say('bandwidth', self._of_bandwidths(settings))
-        say('defaults', self._of_defaults(settings))
-        watch = controller.watch
-        refused = isfinite(controller.refused_reference)
-        without = in_control and watch.reference_age == inf and not refused
-        self._unreferenced = self._unreferenced + 1 if without else 0
-        text = f'no reference yet: holding {controller.reference[0]:.6g}, as none comes on {topic}'
-        say('reference', text if self._unreferenced >= LOOKS else '')
-        found = concerns(controller)
-        for name in CONCERNS:
-            say(f'{name} concern', found.get(name, ''))
-        say('spacing', self._of_spacing(settings, spacing))
-        self._scatter = max(watch.spread, KEPT * self._scatter)
-        say('sign', self._of_sign(settings) if in_control else '')
+        self._scatter = max(watch.spread, _KEPT * self._scatter)
+        say('bandwidth', self._bandwidths(settings))
+        say('default', self._defaults(settings))
+        without = in_control and watch.reference_age == inf and not isfinite(refused_r)
+        text = f'no reference yet: holding {held:.6g}, as none comes on {topic}'
+        say('no reference', text if without else '', looks=_LOOKS)
+        text = (
+            f'at a limit of the command for {controller.limited_for:.3g} s, and the output comes '
+            'no nearer to the reference'
+        )
+        say('stall', text if in_control and controller.stalled else '')
+        text = (
+            f'the measurement {refused_y or 0.0:g} is not taken: it is outside '
+            f'{settings.measurement_min:g} .. {settings.measurement_max:g}'
+        )
+        say('refused measurement', text if refused_y is not None else '')
+        text = (
+            f'the reference {refused_r:g} is not taken: it is outside '
+            f'{settings.reference_min:g} .. {settings.reference_max:g}'
+        )
+        say('refused reference', text if isfinite(refused_r) else '')
+        say('rare samples', self._rare_samples(settings, spacing), looks=_LOOKS)
+        say('wrong sign', self._wrong_sign(settings) if in_control else '')
         came = any(each.count for each in references[1:])
         replaced = settings.error_based or settings.tracking_acceleration > 0.0
-        moved = controller.reference[0] != self._reference
-        late = in_control and moved and bool(derivatives) and not came and not replaced
-        self._reference = controller.reference[0]
-        self._moving = self._moving + 1 if late else 0
+        late = in_control and held != before and bool(derivatives) and not came and not replaced
         text = (
             f'the reference moves and nothing comes on {", ".join(derivatives)}: it is followed '
             'late, unless you publish that or set error_based, which overshoots on steps'
         )
-        say('derivatives', text if self._moving >= LOOKS else '', OK)
+        say('no derivatives', text if late else '', OK, looks=_LOOKS)
 
-    def _of_bandwidths(self, settings: ControllerSettings) -> str:
+    def _bandwidths(self, settings: ControllerSettings) -> str:
         names = ['inner_bandwidth', 'outer_bandwidth'][: self._controller.design.levels]
         shares = {name: getattr(settings, name) / self._rate for name in names}
         return ', '.join(
-            f'{name} / rate = {share:.3g}, above {LARGEST_SHARE:g}'
+            f'{name} / rate = {share:.3g}, above {_LARGEST_SHARE:g}'
             for name, share in shares.items()
-            if share > LARGEST_SHARE
+            if share > _LARGEST_SHARE
         )
 
-    def _of_defaults(self, settings: ControllerSettings) -> str:
-        left = [n for n in self._forgotten if getattr(settings, n) == getattr(DEFAULTS, n)]
-        if 'b0' not in left:
-            return ''
-        values = ', '.join(f'{name} = {getattr(DEFAULTS, name):g}' for name in left)
-        return f'{values}: by default, and not of your plant'
+    def _defaults(self, settings: ControllerSettings) -> str:
+        left = [n for n in self._forgotten if getattr(settings, n) == getattr(_DEFAULTS, n)]
+        values = ', '.join(f'{name} = {getattr(_DEFAULTS, name):g}' for name in left)
+        return f'{values}: by default, and not of your plant' if 'b0' in left else ''
 
-    def _of_spacing(self, settings: ControllerSettings, spacing: float) -> str:
+    def _rare_samples(self, settings: ControllerSettings, spacing: float) -> str:
         times = {name: getattr(settings, name) for name in ('measurement_timeout', 'max_dt')}
         short = [f'{name} = {t:g}' for name, t in times.items() if 0.0 < t < spacing]
-        silent = self._controller.watch.measurement_age > LOOKS * max(spacing, 1.0)
-        self._rare = self._rare + 1 if short and not silent else 0
-        if self._rare < LOOKS:
+        if not short or self._controller.watch.measurement_age > _LOOKS * max(spacing, 1.0):
             return ''
         return (
             f'measurements come every {spacing:.3g} s, too seldom for {" and ".join(short)}: '
             f'{3.0 * spacing:.2g} s would do'
         )
 
-    def _of_sign(self, settings: ControllerSettings) -> str:
-        """Return what a growing error at a limit may mean, which a wrong sign of b0 has."""
-        controller, growth = self._controller, self._controller.error_growth
-        needed = max(STUCK, TIME_CONSTANTS / settings.controller_bandwidth)
-        watch = controller.watch
-        least = max(GROWTH * abs(watch.distance), CLEARLY * self._scatter)
-        if watch.stalled < needed or growth <= least:
+    def _wrong_sign(self, settings: ControllerSettings) -> str:
+        """
+        Return what a growing error at a limit may mean.
+
+        With the wrong sign of b0 the command drives the output away and stays at its limit. A loop
+        that is well and at its limit comes nearer, or rests off its reference by what the sensor
+        scatters, which is no growth.
+        """
+        controller, watch = self._controller, self._controller.watch
+        growth = controller.error_growth
+        needed = max(_STUCK, _TIME_CONSTANTS / settings.controller_bandwidth)
+        if watch.stalled < needed or growth <= max(
+            _GROWTH * abs(watch.distance), _CLEARLY * self._scatter
+        ):
             return ''
         return (
             f'at the limit {controller.command:g} for {controller.limited_for:.3g} s while the '

@@ -36,8 +36,7 @@ from nadrc_ros.records.recording import (
 )
 from nadrc_ros.records.rows import Gap, Row
 from nadrc_ros.ros.command_line import NodeParser
-from nadrc_ros.ros.diagnostics import Diagnostics, OK, WARN
-from nadrc_ros.ros.events import receive_events
+from nadrc_ros.ros.diagnostics import Diagnostics, OK, receive_events, WARN
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.parameter_watch import ParameterWatch
 from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown, written_to

@@ -6,8 +6,8 @@ from collections import deque
 from math import inf
 import time
 
-from nadrc_ros.ros.diagnostics import ERROR, OK
-from nadrc_ros.ros.inputs import node_of
+from nadrc_ros.ros.diagnostics import ERROR
+from nadrc_ros.ros.graph import publishers
 from nadrc_ros.ros.runtime import LiveNode
 from nadrc_ros.ros.topics import Info, Input, receive, Sender
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -60,8 +60,6 @@ class Rivals:
         self._node = node
         self._sender = sender
         self._remarks = node.remarks
-        self._events = node.events
-        self._disputed = False
         self._shared = shared
         period = node.pacing.period
         self._listen = max(LISTEN, LISTEN_PERIODS * period)
@@ -90,9 +88,20 @@ class Rivals:
             return False
         self.listening = False
         self._hear(idle or self._node.count_publishers(self._sender.topic) > 1)
+        topic, text = self._sender.topic, ''
         if self.commanding and not idle and not self.gave_way:
-            return self._meet(age)
-        self._settle_dispute()
+            if age <= self._probation + self._listen and self._theirs >= self._sender.count:
+                self.gave_way = True
+                text = (
+                    f'{self._who()} commands on {topic}: this controller is disabled and silent; '
+                    'to take over, disable the other one and call ~/enable, or start with '
+                    'share_command'
+                )
+                self._remarks.put('gave way', text, ERROR, event='rival')
+                return True
+            text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
+        over = f'one alone commands on {topic} again'
+        self._remarks.put('rivals', text, ERROR, over=over, event='rival')
         return False
 
     @property
@@ -124,33 +133,6 @@ class Rivals:
         self.gave_way = self.gave_way and not enabled
         self._remarks.put('gave way', '')
 
-    def _meet(self, age: float) -> bool:
-        topic = self._sender.topic
-        if age > self._probation + self._listen or self._theirs < self._sender.count:
-            text = f'{self._who()} commands on {topic} too: one of the two has to be disabled'
-            self._remarks.put('rivals', text, ERROR)
-            if not self._disputed:
-                self._events.tell('rival', text, ERROR)
-            self._disputed = True
-            return False
-        self.gave_way = True
-        text = (
-            f'{self._who()} commands on {topic}: this controller is disabled and silent; to take '
-            'over, disable the other one and call ~/enable, or start with share_command'
-        )
-        self._remarks.put('gave way', text, ERROR)
-        self._events.tell('rival', text, ERROR)
-        return True
-
-    def _settle_dispute(self) -> None:
-        self._remarks.put('rivals', '')
-        if self._disputed:
-            text = f'one alone commands on {self._sender.topic} again'
-            self._events.tell('rival', text)
-            if self._remarks.due('dispute settled'):
-                self._remarks.log(text, OK)
-        self._disputed = False
-
     def _hear(self, wanted: bool) -> None:
         if wanted == self.hearing:
             return
@@ -179,9 +161,8 @@ class Rivals:
         return ' or '.join(names) or 'somebody unknown'
 
     def _others(self) -> list[str]:
-        there = self._node.get_publishers_info_by_topic(self._sender.topic)
-        names = sorted(map(node_of, there))
         own = self._node.get_fully_qualified_name()
+        names = publishers(self._node, self._sender.topic)
         if own in names:
             names.remove(own)
         return names

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from threading import RLock
 import time
 
+from nadrc_ros.ros.graph import missing_readers
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.runtime import LiveNode
 from nadrc_ros.ros.topics import (
     Info,
     LOCKSTEP_RECEIVE,
     LOCKSTEP_SEND,
-    missing_readers,
     receive,
     Sender,
 )

@@ -8,6 +8,7 @@ from math import inf
 import time
 from typing import Any
 
+from nadrc_ros.ros.graph import node_of
 from nadrc_ros.ros.topics import Info, with_info
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -75,8 +76,7 @@ class ParameterWatch:
         there: dict[str, set[bytes]] = {}
         for topic in self._topics:
             for info in self._node.get_publishers_info_by_topic(topic):
-                name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                if UNKNOWN not in name:
+                if UNKNOWN not in (name := node_of(info)):
                     there.setdefault(name, set()).add(bytes(info.endpoint_gid))
         return there
 

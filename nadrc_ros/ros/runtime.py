@@ -14,9 +14,8 @@ from typing import Any, ClassVar, TypeVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
-from nadrc_ros.ros.events import Events
-from nadrc_ros.ros.inputs import InputWatch
-from nadrc_ros.ros.namesakes import Namesakes
+from nadrc_ros.ros.diagnostics import Events, Remarks
+from nadrc_ros.ros.graph import InputWatch, Namesakes
 from nadrc_ros.ros.node_arguments import overrides, own_rules, rules_of, tell_unused
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.parameter_files import refuse_malformed, refuse_unheard
@@ -26,7 +25,6 @@ from nadrc_ros.ros.parameters import (
     refuse_unknown_types,
     refuse_unsettable,
 )
-from nadrc_ros.ros.remarks import Remarks
 from nadrc_ros.ros.topics import Input
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -106,16 +104,16 @@ class LiveNode(Node):
         self.arguments = arguments
         # What it reads, to be watched in real time.
         self.inputs: list[Input] = []
-        self.remarks = Remarks(self.get_logger())
-        # Called once per second.
-        self.checks: list[Callable[[], None]] = [Namesakes(self, self.remarks).look]
         try:
+            self.events = Events(self)
+            self.remarks = Remarks(self.get_logger(), event=self.events.tell)
+            # Called once per second.
+            self.checks: list[Callable[[], None]] = [Namesakes(self, self.remarks).look]
             if arguments:
                 refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))
             self.pacing = ParameterGroup(
                 self, declared(PacingSettings), lambda values: build(PacingSettings, values)
             ).value
-            self.events = Events(self)
             self.scheduling = 'not asked for'
             self.finished = False
             self.failure = ''

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 import copy
 import functools
@@ -11,9 +11,9 @@ from struct import Struct
 from typing import Any
 
 import attrs
+from diagnostic_msgs.msg import DiagnosticStatus
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.ros.diagnostics import OK
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -119,7 +119,7 @@ def receive(
     callback: Receive,
     qos: QoSProfile = LATEST,
     *,
-    silence: bytes | None = OK,
+    silence: bytes | None = DiagnosticStatus.OK,
     regular: bool = False,
     sole: bool = False,
     fixed: bool = False,
@@ -166,21 +166,6 @@ def _number(data: bytes) -> float:
     layout = _LITTLE if data[1] & 1 else _BIG
     number: float = layout.unpack_from(data)[1]
     return number
-
-
-def missing_readers(
-    node: Node, namespace: str, expected: Mapping[str, Sequence[str]]
-) -> list[tuple[str, str]]:
-    """Return topic and node name of each expected reader that is not there in a namespace."""
-    missing = []
-    for topic, names in expected.items():
-        there = {
-            info.node_name
-            for info in node.get_subscriptions_info_by_topic(topic)
-            if info.node_namespace == namespace
-        }
-        missing += [(topic, name) for name in names if name not in there]
-    return missing
 
 
 def reference_topics(settings: ControllerSettings) -> tuple[str, ...]:

@@ -9,8 +9,7 @@ from typing import Any
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.doubts import Doubts
-from nadrc_ros.ros.diagnostics import OK, WARN
-from nadrc_ros.ros.remarks import AGAIN, Remarks
+from nadrc_ros.ros.diagnostics import AGAIN, OK, Remarks, WARN
 from nadrc_ros.ros.topics import Input, LATEST
 import pytest
 from rclpy.logging import get_logger

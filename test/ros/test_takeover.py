@@ -10,9 +10,8 @@ from nadrc_ros.adrc.supervisor import Mode
 from nadrc_ros.nodes import rivals
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
-from nadrc_ros.ros import namesakes
-from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
-from nadrc_ros.ros.events import receive_events
+from nadrc_ros.ros import graph
+from nadrc_ros.ros.diagnostics import ERROR, OK, receive_events, WARN
 from probe import Probe, Processes
 import pytest
 
@@ -204,7 +203,7 @@ def test_who_is_disabled_and_never_sent_a_command_is_silent_and_not_at_safe(
 def test_one_of_the_same_name_is_told_and_nobody_takes_the_loop_for_disabled(
     probe: Probe, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(namesakes, 'LISTED', 3.0)
+    monkeypatch.setattr(graph, 'LISTED', 3.0)
     probe.add(PlantNode(parameters=PLANT))
     first = probe.add(ControllerNode(parameters=CONTROL))
     probe.wait_until(lambda: first.controller.mode == Mode.OK)
@@ -220,7 +219,8 @@ def test_one_of_the_same_name_is_told_and_nobody_takes_the_loop_for_disabled(
     assert f'another node called {name} commands on {topic}' in second.enable()[1]
 
     def levels() -> set[bytes]:
-        return {node.remarks._held.get('namesake', (OK,))[0] for node in (first, second)}
+        remarks = [node.remarks._remarks.get('namesake') for node in (first, second)]
+        return {remark.level if remark and remark.text else OK for remark in remarks}
 
     probe.wait_until(lambda: levels() == {WARN})
     probe.wait_until(lambda: levels() == {ERROR})

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from nadrc_ros.adrc.supervisor import Cause, Mode
-from nadrc_ros.nodes.mode_news import COUNT, ModeNews, SECONDS
+from nadrc_ros.nodes.mode_log import COUNT, ModeLog, SECONDS
 
 LOST = Mode.HOLDING, Cause.MEASUREMENT_TIMEOUT
 FINE = Mode.OK, Cause.NONE
 
 
-def flapping(times: int) -> tuple[ModeNews, list[str]]:
-    news = ModeNews(*FINE)
+def flapping(times: int) -> tuple[ModeLog, list[str]]:
+    news = ModeLog(*FINE)
     return news, [news.of(*(FINE if i % 2 else LOST), 0.01 * i) for i in range(times)]
 
 
 def test_p19_each_change_is_told_once() -> None:
-    news = ModeNews(Mode.SAFE, Cause.START)
+    news = ModeLog(Mode.SAFE, Cause.START)
     assert news.of(Mode.SAFE, Cause.START, 0.0) == ''
     assert news.of(*FINE, 0.1) == 'in control'
     assert news.of(*FINE, 0.2) == ''

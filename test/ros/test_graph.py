@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from nadrc_ros.nodes import takers
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
-from nadrc_ros.ros import inputs
-from nadrc_ros.ros.diagnostics import OK, WARN
-from nadrc_ros.ros.inputs import InputWatch
-from nadrc_ros.ros.remarks import AGAIN, Remarks
+from nadrc_ros.ros import graph
+from nadrc_ros.ros.diagnostics import AGAIN, OK, Remarks, WARN
+from nadrc_ros.ros.graph import InputWatch
 from nadrc_ros.ros.topics import Input, LATEST, SEND
 from probe import Probe
 import pytest
@@ -35,7 +33,7 @@ ASK_FOR_RELIABLE = 'qos_overrides.{}.subscription.reliability'
 
 @pytest.fixture(autouse=True)
 def impatience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inputs, 'GRACE', 0.5)
+    monkeypatch.setattr(graph, 'GRACE', 0.5)
 
 
 @pytest.fixture
@@ -63,7 +61,7 @@ def test_the_patience_is_such_that_it_is_told_within_five_seconds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.undo()
-    assert inputs.GRACE + 1.0 <= 5.0
+    assert graph.GRACE + 1.0 <= 5.0
 
 
 @pytest.mark.parametrize(
@@ -264,7 +262,7 @@ def test_a_setpoint_that_stands_still_and_a_silent_controller_are_no_warning_of_
 def test_a_command_that_nobody_takes_is_told_in_control_with_who_may_be_meant(
     topic: str, probe: Probe, driver: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(takers, 'LOOKS', 2)
+    monkeypatch.setattr(graph, 'LOOKS', 2)
     driver.create_subscription(Float64, topic, print, SEND)
     node = probe.add(ControllerNode(parameters=CONTROL))
     measure, space = probe.publisher('measurement'), probe.namespace

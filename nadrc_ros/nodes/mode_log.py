@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from math import inf, isfinite
+from math import inf
 
-from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Cause, Mode
 from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
@@ -36,7 +35,7 @@ LEVELS = {
 }
 
 
-class ModeNews:
+class ModeLog:
     """
     Decides which changes of mode and cause are logged.
 
@@ -73,27 +72,6 @@ class ModeNews:
         self._told, passed_over, self._unlogged = text, self._unlogged - 1, 0
         more = f' (after {passed_over} changes that were not logged)' if passed_over > 0 else ''
         return text + more
-
-
-def concerns(controller: Controller) -> dict[str, str]:
-    """Return by a fixed name what an operator should look at although the law may act."""
-    found, settings = {}, controller.settings
-    if controller.stalled and controller.mode == Mode.OK:
-        found['stall'] = (
-            f'at a limit of the command for {controller.limited_for:.3g} s, and the output comes '
-            'no nearer to the reference'
-        )
-    if controller.refused_measurement is not None:
-        found['measurement'] = (
-            f'the measurement {controller.refused_measurement:g} is not taken: it is outside '
-            f'{settings.measurement_min:g} .. {settings.measurement_max:g}'
-        )
-    if isfinite(controller.refused_reference):
-        found['reference'] = (
-            f'the reference {controller.refused_reference:g} is not taken: it is outside '
-            f'{settings.reference_min:g} .. {settings.reference_max:g}'
-        )
-    return found
 
 
 def describe(mode: Mode, cause: Cause, silent: bool = False) -> str:
