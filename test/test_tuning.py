@@ -142,6 +142,22 @@ def test_the_worst_corner_counts() -> None:
     assert worst.objective > alone.objective and worst.isu > alone.isu
 
 
+def test_without_noise_the_objective_is_of_one_quiet_run_and_the_effort_of_the_noisy_ones() -> (
+    None
+):
+    values = {'inner_bandwidth': 8.0}
+    quiet_plant = scenario(noise=attrs.evolve(scenario().noise, variance=0.0))
+    quiet = Judge(quiet_plant, 'nested', settings_from({}), compiled=False).score(values).figures
+    noisy = judge(seeds=4).score(values).figures
+    mixed = judge(seeds=4, noise_free=True).score(values).figures
+    assert quiet is not None and noisy is not None and mixed is not None
+    assert mixed == Figures(quiet.objective, noisy.isu)
+    assert mixed.objective != noisy.objective and mixed.isu != quiet.isu
+    budget = 0.5 * (quiet.isu + noisy.isu)
+    over = judge(seeds=4, noise_free=True, budget=budget).score(values)
+    assert over.violations.keys() == {'budget'}
+
+
 @pytest.mark.parametrize(
     ('tuning', 'name'),
     [

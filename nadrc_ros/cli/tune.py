@@ -38,6 +38,7 @@ def tune(
     ] = None,
     budget: Annotated[Optional[float], _help('budget')] = None,
     objective: Annotated[Optional[str], _help('objective')] = None,
+    noise_free: Annotated[Optional[bool], _help('noise_free')] = None,
     vary: Annotated[
         Optional[list[str]],
         typer.Option(help='Instead of the defaults: NAME or NAME=LOW:HIGH; may be repeated.'),
@@ -253,7 +254,7 @@ def _finish(
     found = [tuned(study, one, isu, number) for one, study in studies.items()]
     title = title_of(name, scenario)
     contents = {key: text.encode() for key, text in texts(scenario, found).items()}
-    contents['front.png'] = render(draw(found, title, tuning.objective.upper()), 'png')
+    contents['front.png'] = render(draw(found, title, tuning.objective_label), 'png')
     folder.mkdir(parents=True, exist_ok=True)
     for file, content in contents.items():
         write_whole(folder / file, content)
@@ -277,7 +278,7 @@ def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
     from nadrc_ros.cli.table import print_columns, Row
     from rich.text import Text
 
-    heads = ['ISU', tuning.objective.upper(), *(v.name for v in one.varied)]
+    heads = ['ISU', tuning.objective_label, *(v.name for v in one.varied)]
     last = len(one.front) - 1
     shown = {round(i * last / (ROWS - 1)) for i in range(ROWS)} | {one.choice.index}
     rows = []

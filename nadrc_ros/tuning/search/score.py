@@ -23,6 +23,8 @@ from nadrc_ros.tuning.search.variables import designed
 import numpy as np
 
 T = TypeVar('T')
+# Of each corner, one for each seed.
+Runs = list[list[RunMetrics]]
 # Not those of a scenario, so that what is found can be judged with others.
 FIRST_SEED = 1001
 # With the first seed alone: that far over the budget, or beyond a better design, is hopeless.
@@ -78,6 +80,12 @@ class Corner:
 
     experiment: Experiment
     gain: float
+
+    @property
+    def quiet(self) -> Corner:
+        """Return the same plant with a perfect measurement."""
+        noise = attrs.evolve(self.experiment.noise, variance=0.0)
+        return attrs.evolve(self, experiment=attrs.evolve(self.experiment, noise=noise))
 
 
 class Judge:
@@ -144,11 +152,16 @@ class Judge:
         return margins(make_design(settings), nominal, 1.0 / rate, delay, GRID)
 
     def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
-        runs = [self._runs(settings, self.seeds[:1], corner) for corner in self.corners]
-        violations = self._violated(runs)
+        first_seed = self.seeds[:1]
+        runs = [self._runs(settings, first_seed, corner) for corner in self.corners]
+        # With `noise_free` the tracking is that of runs of its own, else that of the same.
+        tracked = runs
+        if self.tuning.noise_free:
+            tracked = [self._runs(settings, first_seed, corner.quiet) for corner in self.corners]
+        violations = self._violated(runs + tracked)
         if violations:
             return Score(violations=violations)
-        first = self._figures(runs)
+        first = self._figures(tracked, runs)
         too_costly = self.tuning.budget > 0.0 and first.isu > HOPELESS * self.tuning.budget
         if too_costly or any(one.beats(first, HOPELESS) for one in better):
             return Score(first=first, violations=self._over_budget(first))
@@ -157,7 +170,7 @@ class Judge:
         violations = self._violated(runs)
         if violations:
             return Score(first=first, violations=violations)
-        figures = self._figures(runs)
+        figures = self._figures(tracked, runs)
         return Score(figures=figures, first=first, violations=self._over_budget(figures))
 
     def _runs(
@@ -172,7 +185,7 @@ class Judge:
             for run in found
         ]
 
-    def _violated(self, runs: Sequence[Sequence[RunMetrics]]) -> dict[str, float]:
+    def _violated(self, runs: Runs) -> dict[str, float]:
         every = [run for found in runs for run in found]
         if any(run.skipped for run in every):
             return {'stability': NEVER}
@@ -183,11 +196,11 @@ class Judge:
         budget = self.tuning.budget
         return {'budget': log(figures.isu / budget)} if 0.0 < budget < figures.isu else {}
 
-    def _figures(self, runs: Sequence[Sequence[RunMetrics]]) -> Figures:
+    def _figures(self, tracked: Runs, runs: Runs) -> Figures:
         over: Callable[..., Any] = max if self.tuning.over == 'worst' else np.mean
         name = self.tuning.objective
         return Figures(
-            float(over([np.mean([getattr(run, name) for run in found]) for found in runs])),
+            float(over([np.mean([getattr(run, name) for run in found]) for found in tracked])),
             float(over([np.mean([run.isu for run in found]) for found in runs])),
         )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, choice, integer, number
+from nadrc_ros.adrc.fields import build, choice, flag, integer, number
 from nadrc_ros.adrc.settings import LARGEST, LONGEST
 from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 
@@ -68,6 +68,9 @@ class TuneSettings:
     """
 
     objective: str = choice('itae', OBJECTIVES, 'figure of merit of tracking to make least')
+    noise_free: bool = flag(
+        False, 'take the objective from a run without noise; the effort stays that with noise'
+    )
     budget: float = number(
         0.0,
         0.0,
@@ -111,6 +114,11 @@ class TuneSettings:
             raise SettingError(
                 'sampler', self.sampler, 'nsga2 without a budget: the others find no front'
             )
+
+    @property
+    def objective_label(self) -> str:
+        """Return the objective as a heading."""
+        return self.objective.upper() + (' without noise' if self.noise_free else '')
 
     @property
     def method(self) -> str:
