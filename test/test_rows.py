@@ -10,10 +10,10 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.records import source
 from nadrc_ros.records.figures import Figures
 from nadrc_ros.records.recording import RunSettings
 from nadrc_ros.records.rows import Row, Rows
-from nadrc_ros.records.source import rows_of as columns_of
 from nadrc_ros.simulation.metrics import Metrics
 import numpy as np
 import pytest
@@ -175,34 +175,30 @@ def test_what_comes_after_its_rows_were_made_is_counted() -> None:
     assert rows.late == 1
 
 
-@pytest.mark.parametrize('truth', [1.0, 0.25, 5.0])
-@pytest.mark.parametrize('seed', range(3))
-def test_columns_of_a_whole_log_are_the_rows_of_the_recorder(seed: int, truth: float) -> None:
-    """But for rows of the truth alone, as there are where measurements are missing."""
-    rng, sent = random.Random(seed), loop(range(0, 1500, 5), value=lambda t: cos(0.01 * t))
-    samples = [s for s in sent if s[0] == 'measurement' or rng.random() > 0.05]
-    samples = [s for s in samples if s[0] != 'output']
+@pytest.mark.parametrize('at_once', [50, 10_000])
+@pytest.mark.parametrize('truth', [1.0, 0.5, 5.0])
+def test_columns_of_a_whole_log_are_the_rows_of_the_recorder(
+    truth: float, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(source, 'AT_ONCE', at_once)
+    rng, sent = random.Random(2), loop(range(0, 1500, 5), value=lambda t: cos(0.01 * t))
+    samples = [s for s in sent if rng.random() > 0.05 and s[0] != 'output']
     samples += [
         ('output', START + round(5 * truth * k * MS) + MS // 20, float(k))
         for k in range(round(300 / truth))
     ]
     samples = in_order((n, t + rng.randint(0, MS // 4), v) for n, t, v in samples)
     rows = rows_of(samples)
-    measured = [row for row in rows if not isnan(row.values['measurement'])]
     of = {name: [s for s in samples if s[0] == name] for name in NAMES}
-    columns, stop = columns_of(
+    columns, stop = source.rows_of(
         {name: np.array([1e-9 * (t - START) for _, t, _ in each]) for name, each in of.items()},
         {name: np.array([v for _, _, v in each]) for name, each in of.items()},
     )
-    assert len(measured) == len(columns['time'])
-    assert columns['time'] == pytest.approx(np.array([row.time for row in measured]), abs=1e-6)
-    begin = of['measurement'][0][1]
-    assert stop == pytest.approx(1e-9 * (samples[-1][1] - begin))
-    settled = slice(30, -1)  # the recorder learns what is usual on the way
+    assert columns['time'] == pytest.approx(np.array([row.time for row in rows]), abs=1e-9)
+    assert stop == pytest.approx(1e-9 * (samples[-1][1] - of['measurement'][0][1]))
     for name in NAMES:
-        expected = np.array([row.values[name] for row in measured])
-        same = np.isclose(columns[name], expected, atol=1e-6, equal_nan=True)[settled]
-        assert same.all(), name
+        expected = np.array([row.values[name] for row in rows])
+        np.testing.assert_allclose(columns[name], expected, rtol=1e-6, err_msg=name)
 
 
 # ---- the end ----------------------------------------------------------------------------------

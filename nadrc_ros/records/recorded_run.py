@@ -88,10 +88,10 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
         rate = read_settings(path).rate or _rate(_measured(columns))
     elif path.exists() and is_bag(path):
         columns, stop = read_bag(path, source)
-        rate = _rate(columns['time'])
+        rate = _rate(_measured(columns))
     elif path.is_file():
         columns, stop, told = read_csv_log(path, source)
-        rate = _rate(columns['time'])
+        rate = _rate(_measured(columns))
     elif path.exists():
         raise RecordingError(
             f'neither a folder with {SAMPLES} nor a rosbag2 bag (.db3, .mcap) nor a CSV file'

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Mapping
 import re
 
 import attrs
 from nadrc_ros.adrc.settings import MAX_LEVELS
 from nadrc_ros.records.recording import ESTIMATES, NEEDED, RecordingError, TRUTH
-from nadrc_ros.records.rows import OVERDUE, SLOWER
-from nadrc_ros.records.spacing import GAP
+from nadrc_ros.records.rows import Row, Rows, SECOND
 import numpy as np
 import numpy.typing as npt
 
@@ -17,6 +17,8 @@ Array = npt.NDArray[np.float64]
 REQUIRED = ('measurement', 'command')
 LEVELS = tuple(f'level_{k}' for k in range(1, MAX_LEVELS + 1))
 SIGNALS = (*NEEDED, *TRUTH, *ESTIMATES, *LEVELS)
+# Samples of a log that are made rows together.
+AT_ONCE = 10_000
 # Of columns, what people call them: the first that there is only one of counts.
 USUAL = {
     'time': ('time', 't', 'timestamp', 'stamp', 'seconds', 'zeit', 'date', 'datetime', 'clock'),
@@ -105,63 +107,41 @@ def rows_of(
     stamps: Mapping[str, Array], values: Mapping[str, Array]
 ) -> tuple[dict[str, Array], float]:
     """
-    Return signals that came each at its own times on those of the measurements, and the last time.
-
-    A row belongs to one measurement and holds the last value of every other signal that came
-    before the next measurement: zero-order hold, and for the command the one that acted meanwhile.
-    Reference and output are those at the measurement. The rules are those of
-    :class:`~nadrc_ros.records.rows.Rows`, for whole columns at once: a log may have millions.
-    The first row is the first measurement with a command, at ``time`` 0.
+    Return signals that came each at its own times as the rows that a recorder makes of them.
 
     Parameters
     ----------
     stamps, values
         Of each signal, when [s] and what, (N,) in order of time.
 
+    Returns
+    -------
+    tuple
+        Columns (M,), with the ``time`` [s] since the first row, see
+        :class:`~nadrc_ros.records.rows.Rows`; and when the last sample came.
+
     """
-    grid = stamps['measurement']
-    ends = np.append(grid[1:], np.inf)
-    first = int(np.searchsorted(ends, stamps['command'][0], 'right'))
-    columns = {'time': grid - grid[first]}
-    for name in (name for name in SIGNALS if name in stamps):
-        index = np.searchsorted(stamps[name], ends, 'left') - 1
-        columns[name] = np.where(index >= 0, values[name][np.maximum(index, 0)], np.nan)
-    if 'reference' in stamps:
-        columns['reference'] = _reference(grid, stamps['reference'], values['reference'])
-    if 'output' in stamps:
-        columns['output'] = _output(grid, stamps['output'], values['output'])
-    columns['measurement'] = values['measurement']
-    stop = max(float(times[-1]) for times in stamps.values()) - float(grid[first])
-    return {name: column[first:] for name, column in columns.items()}, stop
+    names = [name for name in SIGNALS if name in stamps]
+    times = np.concatenate([stamps[name] for name in names])
+    order = np.argsort(times, kind='stable')
+    signal = np.repeat(np.arange(len(names)), [len(stamps[name]) for name in names])
+    when = np.rint(SECOND * (times - times[order[0]])).astype(np.int64)
+    value = np.concatenate([values[name] for name in names])
+    rows = Rows(names)
+    columns = {name: array('d') for name in ('time', *names)}
 
+    def keep(found: Iterable[Row]) -> None:
+        for row in found:
+            columns['time'].append(row.time)
+            for name, number in row.values.items():
+                columns[name].append(number)
 
-def _output(grid: Array, stamps: Array, values: Array) -> Array:
-    """Return the first output after each time of ``grid``, or the last just before it, or nan."""
-    spans = np.append(np.diff(grid), np.inf)
-    usual = float(np.median(spans[:-1])) if len(grid) > 1 else np.inf
-    after = np.searchsorted(stamps, grid, 'left')
-    ahead = np.append(stamps, np.inf)[after] - grid
-    behind = grid - np.append(-np.inf, stamps)[after]
-    found = np.append(values, np.nan)[after]
-    just = np.where(behind < 0.5 * usual, np.append(np.nan, values)[after], np.nan)
-    return np.where(ahead < np.minimum(OVERDUE * usual, spans), found, just)
-
-
-def _reference(grid: Array, stamps: Array, values: Array) -> Array:
-    """
-    Return a reference at the times of ``grid``, nan before it came.
-
-    Where it moves, and comes about as often as rows do, it lies on the line between two samples;
-    a step, or a setpoint that is sent now and then, is held.
-    """
-    place = np.searchsorted(stamps, grid, 'right') - 1
-    held = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
-    usual = float(np.median(np.diff(grid))) if len(grid) > 1 else 0.0
-    if len(stamps) < 3 or np.median(np.diff(stamps)) > SLOWER * usual:
-        return held
-    one = np.clip(place, 1, len(stamps) - 2)
-    span = stamps[one + 1] - stamps[one]
-    moves = (place == one) & (values[one] != values[one - 1]) & (span > 0.0)
-    moves &= (span <= GAP * usual) & np.isfinite(values[one + 1])
-    share = (grid - stamps[one]) / np.where(span > 0.0, span, 1.0)
-    return np.where(moves, values[one] + (values[one + 1] - values[one]) * share, held)
+    for begin in range(0, len(order), AT_ONCE):
+        part = order[begin : begin + AT_ONCE]
+        for k, time, number in zip(*(each[part].tolist() for each in (signal, when, value))):
+            rows.take(names[k], time, number)
+        keep(rows.close(int(when[part[len(part) // 2]]) - 1))  # a row needs what comes soon after
+    keep(rows.end())
+    assert rows.begin is not None
+    stop = (rows.stop - rows.begin) / SECOND
+    return {name: np.array(column) for name, column in columns.items()}, stop
