@@ -12,8 +12,9 @@ import re
 
 from marked import filled
 from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode, supervise, Watch
+from nadrc_ros.adrc.supervisor import Cause, Mode, PolicyState, Stall, supervise
 from states import draw
 
 PAGE = Path(__file__).with_name('safety.md')
@@ -118,14 +119,17 @@ def picture() -> str:
                     'safe_command reached': (0.0, True),
                 }
             for label, (age, at_safe) in stimuli.items():
-                before = Watch(mode, cause, y_age, r_age, age, good=DESIGN.good_samples)
+                before = PolicyState(mode, cause, y_age, r_age, age, good=DESIGN.good_samples)
                 if present == Cause.STALLED:
-                    before = before._replace(stalled=10.0, aim=1.0, distance=1.0)
+                    before = before._replace(stall=Stall(stalled=10.0, aim=1.0, distance=1.0))
                 plain = before._replace(fault_age=0.0)
-                arguments = enabled, 0.0 if measured else nan, referenced
-                rest = True, 1.0, 0.01, 0.01, 0.0
-                after = supervise(DESIGN, before, *arguments, at_safe, *rest).mode
-                same = supervise(DESIGN, plain, *arguments, False, *rest).mode
+                there = Sample(
+                    0.0 if measured else nan, 0.01, 0.01, 0.0, DESIGN.safe_command + (not at_safe)
+                )
+                elsewhere = there._replace(applied=DESIGN.safe_command + 1.0)
+                rest = measured, referenced, enabled, True, 1.0
+                after = supervise(DESIGN, before, there, *rest).mode
+                same = supervise(DESIGN, plain, elsewhere, *rest).mode
                 if after != mode and (label == _name(present) or after != same):
                     edges[mode, Mode(after)].add(label)
     return draw([mode.name for mode in Mode], {tuple(edge): edges[edge] for edge in edges})

@@ -7,8 +7,9 @@ from typing import Any
 
 from law_helpers import design_of, NAN, state_bits, varied_settings
 from nadrc_ros.adrc import tick as law
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.adrc.supervisor import Mode, Watch
+from nadrc_ros.adrc.supervisor import Mode, PolicyState, Stall
 from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
 import numba
@@ -47,7 +48,7 @@ def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], l
     if not plain:
         design, state, out = map(tuple_of, (design, state, out))
         reference = np.zeros(n + 1)
-    watch, u, y, rng = Watch(), 0.0, 0.0, random.Random(1)
+    policy, u, y, rng = PolicyState(), 0.0, 0.0, random.Random(1)
     commands: list[str] = []
     modes: list[int] = []
     states: list[str] = []
@@ -60,24 +61,12 @@ def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], l
         measured = rng.random() > 0.05 and k % 300 > 60
         enabled = k % 700 > 100
         y += 0.01 * rng.gauss(0.0, 1.0)
-        u, _, watch = tick(
-            design,
-            state,
-            watch,
-            enabled,
-            reference,
-            referenced,
-            y if measured else NAN,
-            u,
-            h,
-            h,
-            h * rng.random(),
-            out,
-        )
-        watch = Watch(*watch)
+        sample = Sample(y if measured else NAN, h, h, h * rng.random(), u)
+        u, _, policy = tick(design, state, policy, sample, reference, referenced, enabled, out)
+        assert isinstance(policy, PolicyState) and isinstance(policy.stall, Stall)
         state, out = out, state
         commands.append(float(u).hex())
-        modes.append(watch.mode)
+        modes.append(policy.mode)
         if k % 10 == 0:
             states.append(str(state_bits(state)))
     return commands, modes, states

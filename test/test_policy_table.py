@@ -7,8 +7,9 @@ from math import inf, nan
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode, supervise, Watch
+from nadrc_ros.adrc.supervisor import Cause, Mode, PolicyState, Stall, supervise
 import pytest
 
 H = 0.01
@@ -22,6 +23,7 @@ DESIGN = make_design(
         stall_action='fault',
     )
 )
+SAFE_COMMAND, ELSEWHERE = DESIGN.safe_command, 1.0
 NONE, REFERENCE, STALLED, MEASUREMENT, START, DISABLED = Cause
 OK, HOLDING, RAMPING, SAFE = Mode
 # What makes each cause present: enabled, measured, time of a stall, ages of both before the tick.
@@ -56,31 +58,19 @@ FAULTS = [(mode, cause) for mode, cause in product(Mode, Cause) if (mode == OK) 
 
 
 def after(
-    watch: Watch, present: Cause = NONE, *, at_safe: bool = False, odd: bool = False
-) -> Watch:
+    policy: PolicyState, present: Cause = NONE, *, at_safe: bool = False, odd: bool = False
+) -> PolicyState:
     """Return the state one tick after ``present`` was there."""
     enabled, measured, stalled, measurement_age, reference_age = PRESENT[present]
-    watch = watch._replace(
+    before = policy._replace(
         measurement_age=measurement_age,
         reference_age=reference_age,
-        stalled=stalled,
-        aim=2.0,
-        distance=2.0,
+        stall=Stall(stalled=stalled, aim=2.0, distance=2.0),
     )
     y = 1.0 if odd else 0.0
-    return supervise(
-        DESIGN,
-        watch,
-        enabled,
-        y if measured else nan,
-        present != REFERENCE,
-        at_safe,
-        present == STALLED,
-        0.0,
-        H,
-        H,
-        0.0,
-    )
+    sample = Sample(y if measured else nan, H, H, 0.0, SAFE_COMMAND if at_safe else ELSEWHERE)
+    referenced, limited = present != REFERENCE, present == STALLED
+    return supervise(DESIGN, before, sample, measured, referenced, enabled, limited, 0.0)
 
 
 @pytest.mark.parametrize('present', Cause)
@@ -88,31 +78,31 @@ def after(
 def test_p19_of_every_pair_of_causes_the_most_severe_acts(
     mode: Mode, cause: Cause, present: Cause
 ) -> None:
-    watch = after(Watch(mode, cause), present)
-    assert Cause(watch.cause) == NEXT[cause][present]
-    ended = watch.cause == NONE
-    assert Mode(watch.mode) == (OK if ended else max(mode, ENTRY[present]))
+    policy = after(PolicyState(mode, cause), present)
+    assert Cause(policy.cause) == NEXT[cause][present]
+    ended = policy.cause == NONE
+    assert Mode(policy.mode) == (OK if ended else max(mode, ENTRY[present]))
 
 
 @pytest.mark.parametrize(('mode', 'cause'), [pair for pair in FAULTS if pair[0] != OK])
 def test_p19_a_fault_ends_after_its_good_samples(mode: Mode, cause: Cause) -> None:
     for good in range(DESIGN.good_samples):
-        watch = after(Watch(mode, cause, good=good))
-        assert (watch.mode == OK) == (good + 1 == DESIGN.good_samples)
+        policy = after(PolicyState(mode, cause, good=good))
+        assert (policy.mode == OK) == (good + 1 == DESIGN.good_samples)
 
 
 @pytest.mark.parametrize(('mode', 'cause'), [pair for pair in FAULTS if pair[0] != OK])
 def test_p08_no_fault_ends_at_an_odd_sample(mode: Mode, cause: Cause) -> None:
-    watch = after(Watch(mode, cause, good=10, last=0.0, spread=0.49), odd=True)
-    assert watch.mode != OK
-    assert after(watch).mode == OK
-    assert after(Watch(mode, cause, good=10, last=0.0, spread=0.51), odd=True).mode == OK
+    policy = after(PolicyState(mode, cause, good=10, last=0.0, spread=0.49), odd=True)
+    assert policy.mode != OK
+    assert after(policy).mode == OK
+    assert after(PolicyState(mode, cause, good=10, last=0.0, spread=0.51), odd=True).mode == OK
 
 
 @pytest.mark.parametrize('present', (REFERENCE, STALLED, MEASUREMENT))
 def test_p19_what_was_lost_is_not_forgotten_while_disabled(present: Cause) -> None:
     """The good samples count from the fault, not from before it."""
-    faulty = after(Watch(OK, NONE, good=10), present)
+    faulty = after(PolicyState(OK, NONE, good=10), present)
     disabled = after(faulty, DISABLED)
     assert (disabled.cause, disabled.good) == (DISABLED, 1)
     assert after(disabled).mode != OK
@@ -120,31 +110,30 @@ def test_p19_what_was_lost_is_not_forgotten_while_disabled(present: Cause) -> No
 
 
 def test_p11_enabled_beside_a_working_sensor_the_law_acts_at_once() -> None:
-    assert after(after(Watch(OK, NONE, good=10), DISABLED)).mode == OK
+    assert after(after(PolicyState(OK, NONE, good=10), DISABLED)).mode == OK
 
 
 def test_p19_a_bad_sample_in_between_starts_the_count_again() -> None:
-    before = Watch(RAMPING, MEASUREMENT, 0.0, 0.0, good=2)
-    arguments = False, False, 0.0
-    bad = supervise(DESIGN, before, True, nan, True, *arguments, H, H, 0.0)
-    assert bad.good == 0
-    none_came = supervise(DESIGN, before, True, nan, True, *arguments, 0.0, H, 0.0)
-    assert none_came.good == 2
+    before = PolicyState(RAMPING, MEASUREMENT, 0.0, 0.0, good=2)
+    bad = Sample(nan, H, H, 0.0, ELSEWHERE)
+    assert supervise(DESIGN, before, bad, False, True, True, False, 0.0).good == 0
+    none_came = bad._replace(span=0.0)
+    assert supervise(DESIGN, before, none_came, False, True, True, False, 0.0).good == 2
 
 
 def test_p19_a_fault_does_not_end_without_a_sample_whatever_was_good() -> None:
-    before = Watch(HOLDING, MEASUREMENT, 0.0, 0.0, good=8)
-    none_came = supervise(DESIGN, before, True, nan, True, False, False, 0.0, 0.0, H, 0.0)
-    assert none_came.mode == HOLDING
+    before = PolicyState(HOLDING, MEASUREMENT, 0.0, 0.0, good=8)
+    none_came = Sample(nan, 0.0, H, 0.0, ELSEWHERE)
+    assert supervise(DESIGN, before, none_came, False, True, True, False, 0.0).mode == HOLDING
     assert after(before).mode == OK
 
 
 @pytest.mark.parametrize('cause', (REFERENCE, STALLED, MEASUREMENT))
 def test_p07_holding_ends_with_the_hold_time_and_ramping_at_safe(cause: Cause) -> None:
     for held, mode in ((0.03, HOLDING), (0.06, RAMPING)):
-        assert after(Watch(HOLDING, cause, fault_age=held - H), cause).mode == mode
+        assert after(PolicyState(HOLDING, cause, fault_age=held - H), cause).mode == mode
     for at_safe, mode in ((False, RAMPING), (True, SAFE)):
-        assert after(Watch(RAMPING, cause), cause, at_safe=at_safe).mode == mode
+        assert after(PolicyState(RAMPING, cause), cause, at_safe=at_safe).mode == mode
 
 
 def test_a_controller_begins_where_the_table_says() -> None:

@@ -102,7 +102,7 @@ def test_p08_nor_does_an_odd_reading_at_enabling_or_after_a_fault(
     controller.tick(85.0, H)
     assert controller.mode != Mode.OK
     controller.tick(20.1, H)
-    assert Mode(controller.watch.mode) == Mode.OK
+    assert Mode(controller.policy.mode) == Mode.OK
     assert controller.reference == [20.1, 0.0, 0.0]
     assert controller.tracking == 20.1
 
@@ -140,7 +140,7 @@ def test_p01_a_reference_outside_its_range_is_none() -> None:
         assert controller.reference[0] == 50.0
         assert controller.refused_reference == bad
     assert controller.counts[Status.BAD_REFERENCE] == 3
-    assert controller.watch.reference_age == pytest.approx(3 * H)
+    assert controller.policy.reference_age == pytest.approx(3 * H)
     controller.tick(20.0, H, reference=[60.0])
     assert controller.reference[0] == 60.0 and controller.refused_reference != 300.0001
 

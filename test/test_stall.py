@@ -61,14 +61,14 @@ def test_a_stall_that_is_a_fault_lasts_until_it_is_enabled_anew() -> None:
     assert controller.command == 0.0 and controller.cause == Cause.STALLED
     for _ in range(20):  # another fault on top of it, which ends
         controller.tick(nan, 0.0, elapsed=H)
-    assert Cause(controller.watch.cause) == Cause.MEASUREMENT_TIMEOUT
+    assert Cause(controller.policy.cause) == Cause.MEASUREMENT_TIMEOUT
     heater.run(10.0, 60.0)
     assert controller.command == 0.0 and controller.mode != Mode.OK
     controller.enabled = False
     heater.run(1.0, 60.0)
     controller.enabled = True
     heater.run(1.0, 60.0)
-    assert Mode(controller.watch.mode) == Mode.OK and controller.limited_for < 1.0
+    assert Mode(controller.policy.mode) == Mode.OK and controller.limited_for < 1.0
 
 
 @pytest.mark.parametrize('deviation', (0.0, 0.1))
@@ -139,8 +139,8 @@ def test_ticks_without_a_sample_go_on_counting() -> None:
     for k in range(30):
         y, dt = (0.0, 5 * H) if k % 5 == 0 else (nan, 0.0)
         controller.tick(y, dt, elapsed=H, reference=[1e3])
-        assert controller.stalled == (controller.watch.stalled > 1.0)
-    assert controller.limited_for - 5.1 * H < controller.watch.stalled
+        assert controller.stalled == (controller.policy.stall.stalled > 1.0)
+    assert controller.limited_for - 5.1 * H < controller.policy.stall.stalled
     assert 2.0 < controller.limited_for < 3.0
 
 

@@ -92,7 +92,7 @@ def test_p07_silence_counts_from_when_the_sample_was_there() -> None:
     for age, bridged in ((0.0, 10), (0.065, 3), (5.0, 0)):  # of at most 0.1 s
         controller.tick(bench.chain.y, H, elapsed=H, reference=[1.0], age=age)
         assert controller.mode == Mode.OK  # what came is used, however late
-        assert controller.watch.measurement_age == age
+        assert controller.policy.measurement_age == age
         bench.silent(bridged)
         assert bench.mode() == Mode.OK
         bench.silent(2)
@@ -155,8 +155,8 @@ def test_p04_no_input_poisons(feed: str, bad: float) -> None:
     bench.run(300)
     assert bench.mode() == Mode.OK
     assert bench.chain.y == pytest.approx(1.0, abs=1e-2)
-    watch = bench.controller.watch
-    assert watch.gap == watch.measurement_age == 0.0 and watch.reference_age == 0.0
+    policy = bench.controller.policy
+    assert policy.gap == policy.measurement_age == 0.0 and policy.reference_age == 0.0
 
 
 @pytest.mark.parametrize('dt', (-5.0, -1e308, float('-inf'), 0.0))
@@ -167,7 +167,7 @@ def test_p10_time_that_runs_backwards_is_no_update(dt: float) -> None:
     assert bench.controller.tick(bench.chain.y, dt, elapsed=H) == u
     assert state_bits(bench.controller.state) == before
     assert bench.run(1)[0] != u
-    assert bench.controller.watch.gap == 0.0
+    assert bench.controller.policy.gap == 0.0
 
 
 def test_p19_good_samples_are_counted_in_a_row() -> None:

@@ -6,8 +6,9 @@ from typing import Any
 
 from law_helpers import design_of, Observer
 from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.adrc.supervisor import Watch
+from nadrc_ros.adrc.supervisor import PolicyState
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
@@ -43,14 +44,15 @@ def compiled() -> Any:
 
     @numba.njit  # type: ignore[untyped-decorator, unused-ignore]
     def run(
-        design: Any, state: Any, out: Any, watch: Any, a: Any, b: Any, noise: Any, left: Any
+        design: Any, state: Any, out: Any, policy: Any, a: Any, b: Any, noise: Any, left: Any
     ) -> Any:
         x, u, h = np.zeros(len(b)), 0.0, 0.01
         reference: Any = np.zeros(design.order + 1)
         commands = np.zeros(len(noise))
         for k in range(len(noise)):
             y = x[0] + noise[k]
-            u, _, watch = tick(design, state, watch, True, reference, True, y, u, h, h, 0.0, out)
+            sample = Sample(y, h, h, 0.0, u)
+            u, _, policy = tick(design, state, policy, sample, reference, True, True, out)
             state, out = out, state
             x = a @ x + b * u
             commands[k] = u
@@ -70,7 +72,7 @@ def simulate(run: Any, design: Design) -> tuple[Any, Any]:
     state, out = (tuple_of(blank_state(design)) for _ in range(2))
     disturbances = np.zeros(SAMPLES)
     b = plant.b[:, 0].copy()
-    commands = run(tuple_of(design), state, out, Watch(), plant.a, b, noise, disturbances)
+    commands = run(tuple_of(design), state, out, PolicyState(), plant.a, b, noise, disturbances)
     return commands[2000:], disturbances[2000:]
 
 

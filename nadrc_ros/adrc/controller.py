@@ -9,10 +9,11 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.limiter import clamp
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
 from nadrc_ros.adrc.state import blank_state, disturbance_estimate, output_estimate
 from nadrc_ros.adrc.status import NO_MEASUREMENT, RESTARTED, Status
-from nadrc_ros.adrc.supervisor import Cause, Mode, MODE_OK, SAFE, Watch
+from nadrc_ros.adrc.supervisor import Cause, Mode, MODE_OK, PolicyState, SAFE
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.adrc.transfer import adopt_reference, retune
 
@@ -50,7 +51,7 @@ class Controller:
         self.settings = settings
         self.design = make_design(settings)
         self.state = blank_state(self.design)
-        self.watch = Watch(good=settings.good_samples - 1 if checked else 0)
+        self.policy = PolicyState(good=settings.good_samples - 1 if checked else 0)
         self._enabled = enabled
         self.reference: list[float] = [0.0] * (self.design.order + 1)
         self.command = settings.safe_command
@@ -59,6 +60,7 @@ class Controller:
         self.refused_reference = nan
         self.refused_measurement: float | None = None
         self._ages = [0.0] * len(self.reference)
+        self._received = 1 + settings.received_derivatives
         self._next = blank_state(self.design)
         self._pending: tuple[ControllerSettings, Design] | None = None
         self._restarted = False
@@ -95,24 +97,24 @@ class Controller:
         """
         if elapsed is None:
             elapsed = dt
-        if elapsed > 0.0:
-            self._ages = [age + elapsed for age in self._ages]
-        referenced = reference is not None and self._take(reference)
+        if not elapsed > 0.0:
+            elapsed = 0.0
         if applied is None or not SMALLEST <= applied <= LARGEST:
             applied = self.command
-        gap = self.watch.gap
-        command, status, self.watch = tick(
+        ages = self._ages
+        for i in range(1, len(ages)):
+            ages[i] += elapsed
+        referenced = reference is not None and self._take(reference)
+        gap = self.policy.gap
+        sample = Sample(measurement, dt, elapsed, age if age > 0.0 else 0.0, applied)
+        command, status, self.policy = tick(
             self.design,
             self.state,
-            self.watch,
-            self.enabled,
+            self.policy,
+            sample,
             self.reference,
             referenced,
-            measurement,
-            applied,
-            dt,
-            elapsed,
-            age if age > 0.0 else 0.0,
+            self._enabled,
             self._next,
         )
         self.state, self._next = self._next, self.state
@@ -163,7 +165,7 @@ class Controller:
 
     def reset(self) -> None:
         """Forget the estimates; the next valid measurement restarts them without a bump."""
-        self.watch = self.watch._replace(gap=inf)
+        self.policy = self.policy._replace(gap=inf)
 
     @property
     def enabled(self) -> bool:
@@ -173,44 +175,47 @@ class Controller:
     @enabled.setter
     def enabled(self, on: bool) -> None:
         if not on:  # the next tick may find it enabled again
-            self.watch = self.watch._replace(limited=0.0, stalled=0.0)
+            stall = self.policy.stall._replace(at_limit=0.0, stalled=0.0)
+            self.policy = self.policy._replace(stall=stall)
         self._enabled = on
 
     @property
     def mode(self) -> Mode:
         """Tell what the command is."""
-        return Mode(self.watch.mode)
+        return Mode(self.policy.mode)
 
     @property
     def cause(self) -> Cause:
         """Why the law does not act."""
-        return Cause(self.watch.cause)
+        return Cause(self.policy.cause)
 
     @property
     def restarted(self) -> bool:
         """Tell whether the last sample in control only restarted the observers."""
-        return self.watch.mode == MODE_OK and self._restarted
+        return self.policy.mode == MODE_OK and self._restarted
 
     @property
     def limited_for(self) -> float:
         """How long the command has been at a limit other than safe, in control [s]."""
-        return self.watch.limited
+        return self.policy.stall.at_limit
 
     @property
     def stalled(self) -> bool:
         """Tell whether it was at a limit for ``stall_time`` and the error did not shrink."""
-        return 0.0 < self.design.stall_time < self.watch.stalled
+        return 0.0 < self.design.stall_time < self.policy.stall.stalled
 
     @property
     def error_growth(self) -> float:
         """By how much the error grew since the command reached its limit [output unit]."""
-        watch = self.watch
-        return abs(watch.aim - watch.last) - abs(watch.distance) if watch.limited > 0.0 else 0.0
+        stall = self.policy.stall
+        if stall.at_limit == 0.0:
+            return 0.0
+        return abs(stall.aim - self.policy.last) - abs(stall.distance)
 
     @property
     def quiet(self) -> bool:
         """Tell whether it is disabled and at rest, with nothing to send."""
-        return not self.enabled and self.watch.mode == SAFE
+        return not self.enabled and self.policy.mode == SAFE
 
     @property
     def tracking(self) -> float:
@@ -234,20 +239,23 @@ class Controller:
 
     def _take(self, reference: Sequence[float | None]) -> bool:
         """Keep a received reference with its known derivatives; refuse nonsense, count it."""
-        usable = [value is not None and SMALLEST <= value <= LARGEST for value in reference]
-        if any(value is not None and not good for value, good in zip(reference, usable)):
+        bad = False
+        for value in reference:
+            if value is not None and not SMALLEST <= value <= LARGEST:
+                bad = True
+        if bad:
             self.counts[Status.BAD_REFERENCE] += 1
-        r = reference[0] if usable and usable[0] else None
-        if r is None:
+        given = min(self._received, len(reference))
+        r = reference[0] if given else None
+        if r is None or not SMALLEST <= r <= LARGEST:
             return False
         if not self.design.reference_min <= r <= self.design.reference_max:
             self.counts[Status.BAD_REFERENCE] += 1
             self.refused_reference = r
             return False
         self.refused_reference = nan
-        known = 1 + self.settings.received_derivatives
         for i in range(len(self.reference)):
-            value = reference[i] if i < min(known, len(reference)) else 0.0
+            value = reference[i] if i < given else 0.0
             if value is not None and SMALLEST <= value <= LARGEST:
                 self.reference[i] = value
                 self._ages[i] = 0.0

@@ -11,10 +11,11 @@ last VALID one.
 from __future__ import annotations
 
 from enum import IntEnum
-from math import inf, isfinite, nan
+from math import inf, nan
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.sample import Sample
 
 
 class Mode(IntEnum):
@@ -50,21 +51,33 @@ START = int(Cause.START)
 DISABLED = int(Cause.DISABLED)
 _ENTRY = (MODE_OK, HOLDING, HOLDING, HOLDING, SAFE, RAMPING)
 # A step between two samples that is longer than the longest of late by this factor is odd.
-ODD = 2.0
+_ODD = 2.0
 # How much nearer to the reference counts as progress, as a share of the distance.
-PROGRESS = 0.05
+_PROGRESS = 0.05
 
 
-class Watch(NamedTuple):
+class Stall(NamedTuple):
+    """
+    Whether the loop idles at a limit of the command, where it may do so for ever.
+
+    ``at_limit`` [s] is how long the command has been at a limit other than ``safe_command``,
+    ``stalled`` [s] how long the output has come no nearer meanwhile to the reference that was
+    ``aim``, from which it was ``distance`` away.
+    """
+
+    at_limit: float = 0.0
+    stalled: float = 0.0
+    aim: float = 0.0
+    distance: float = 0.0
+
+
+class PolicyState(NamedTuple):
     """
     State of the policy: mode, cause, ages of the last valid inputs [s], inf where there was none.
 
     ``fault_age`` [s] counts since the fault began, ``gap`` [s] the time of samples that could not
     be used, ``good`` valid samples in a row, of which ``last`` is the last; ``spread`` is the
-    longest step between two of them, halved with each since. ``limited`` [s] is how long the
-    command has been at a limit other than ``safe_command``, where a loop may idle for ever,
-    ``stalled`` [s] how long the output has come no nearer meanwhile to the reference that was
-    ``aim``, from which it was ``distance`` away.
+    longest step between two of them, halved with each since.
     """
 
     mode: int = SAFE
@@ -76,109 +89,106 @@ class Watch(NamedTuple):
     good: int = 0
     last: float = nan
     spread: float = 0.0
-    limited: float = 0.0
-    stalled: float = 0.0
-    aim: float = 0.0
-    distance: float = 0.0
+    stall: Stall = Stall()
 
 
 def supervise(
     design: Design,
-    watch: Watch,
-    enabled: bool,
-    measurement: float,
+    before: PolicyState,
+    sample: Sample,
+    used: bool,
     referenced: bool,
-    at_safe: bool,
+    enabled: bool,
     limited: bool,
     aim: float,
-    dt: float,
-    elapsed: float,
-    age: float,
-) -> Watch:
+) -> PolicyState:
     """
     Advance the policy by one tick.
 
-    ``measurement`` is nan unless a valid sample was used, ``referenced`` says whether a reference
-    was received, ``at_safe`` whether the last command was ``safe_command``, ``limited`` whether
-    the law asks for more than a limit that is not the safe one, on its way to ``aim``; ``dt`` is
-    the time this tick's sample spans, ``elapsed`` the time since the last tick and ``age`` that
-    since the sample was there [s].
+    ``used`` says whether the law took the sample, ``referenced`` whether a reference was received,
+    ``limited`` whether the law asks for more than a limit that is not the safe one, on its way to
+    ``aim``.
 
     The law takes over after ``good_samples`` valid samples in a row, at one that is not odd: no
     more than twice as far from the one before as those shortly before were. The step to an odd one
     counts for the next, so that no more than one is passed over, unless the steps double for ever.
     """
-    measured = isfinite(measurement)
-    good, last, spread, odd = watch.good, watch.last, watch.spread, False
-    if measured:
-        jump = abs(measurement - last)  # nan before the first
+    good, last, spread, odd = before.good, before.last, before.spread, False
+    if used:
+        jump = abs(sample.measurement - last)  # nan before the first
         if good == 0:
             jump = spread = 0.0
-        odd = jump > ODD * spread
+        odd = jump > _ODD * spread
         spread *= 0.5
         if jump > spread:
             spread = jump
-        last = measurement
+        last = sample.measurement
         good += 1
-    elif dt > 0.0:  # else no sample came, which is not a bad one
+    elif sample.span > 0.0:  # else no sample came, which is not a bad one
         good = 0
-    proven = measured and good >= design.good_samples and not odd
-    measurement_age = watch.measurement_age + elapsed
-    if measured and (proven or measurement_age < inf):
-        measurement_age = age
-    reference_age = 0.0 if referenced else watch.reference_age + elapsed
-
-    at_limit, stalled, start, distance = watch.limited, watch.stalled, watch.aim, watch.distance
-    if not enabled:
-        at_limit = stalled = 0.0
-    elif watch.mode == MODE_OK:
-        at_limit += elapsed
-        stalled += elapsed
-        if measured and not limited:
-            at_limit = stalled = 0.0
-        nearer = abs(start - last) <= (1.0 - PROGRESS) * abs(distance)
-        beyond = (aim - last) * distance < 0.0
-        if measured and (stalled == 0.0 or distance == 0.0 or nearer or beyond):
-            stalled, start, distance = 0.0, aim, aim - last
+    proven = used and good >= design.good_samples and not odd
+    measurement_age = before.measurement_age + sample.elapsed
+    if used and (proven or measurement_age < inf):  # a sensor that never proved itself is silent
+        measurement_age = sample.age
+    reference_age = 0.0 if referenced else before.reference_age + sample.elapsed
+    stall = before.stall
+    if enabled:
+        if before.mode == MODE_OK:
+            stall = _watch_progress(stall, sample.elapsed, used, limited, aim, last)
+    elif stall.at_limit > 0.0 or stall.stalled > 0.0:
+        stall = Stall(0.0, 0.0, stall.aim, stall.distance)
 
     cause = NONE
     if not enabled:
         cause = DISABLED
     elif measurement_age == inf:
         cause = START
-    elif not measured and 0.0 < design.measurement_timeout < measurement_age:
+    elif not used and 0.0 < design.measurement_timeout < measurement_age:
         cause = MEASUREMENT_TIMEOUT
-    elif design.stall_stops and 0.0 < design.stall_time < stalled:
+    elif design.stall_stops and 0.0 < design.stall_time < stall.stalled:
         cause = STALLED
     elif 0.0 < design.reference_timeout < reference_age < inf:
         cause = REFERENCE_TIMEOUT
 
-    mode = max(watch.mode, _ENTRY[cause])
-    fault_age = watch.fault_age + elapsed if watch.mode != MODE_OK else 0.0
+    mode = max(before.mode, _ENTRY[cause])
+    fault_age = before.fault_age + sample.elapsed if before.mode != MODE_OK else 0.0
     if mode == HOLDING and fault_age > design.hold_time:
         mode = RAMPING
-    if mode == RAMPING and watch.mode == RAMPING and at_safe:
+    # One tick later than it is reached, so that the safe command was sent.
+    if mode == RAMPING and before.mode == RAMPING and sample.applied == design.safe_command:
         mode = SAFE
     if cause == NONE and proven:
         mode = MODE_OK
-    elif NONE < cause < START:
+    elif NONE < cause < START:  # what is lost now has to prove itself anew
         good = 0
     if mode == MODE_OK:
         cause = NONE
-    elif cause == NONE or watch.cause != DISABLED:
-        cause = max(cause, watch.cause)
-    return Watch(
-        mode,
-        cause,
-        measurement_age,
-        reference_age,
-        fault_age,
-        0.0 if measured else watch.gap + max(dt, 0.0),
-        good,
-        last,
-        spread,
-        at_limit,
-        stalled,
-        start,
-        distance,
+    elif cause == NONE or before.cause != DISABLED:  # to be disabled ends with the switch
+        cause = max(cause, before.cause)
+    gap = 0.0 if used else before.gap + (sample.span if sample.span > 0.0 else 0.0)
+    return PolicyState(
+        mode, cause, measurement_age, reference_age, fault_age, gap, good, last, spread, stall
     )
+
+
+def _watch_progress(
+    stall: Stall, elapsed: float, used: bool, limited: bool, aim: float, last: float
+) -> Stall:
+    """
+    Count how long the loop has been at a limit, and how long without progress.
+
+    A command that only grazes its limit is no stall, nor is a loop that is on its way: the count
+    begins anew whenever the output came nearer to what was aimed at then by a share of that
+    distance, or went past what is aimed at now. The distance is to the aim of the last such
+    moment, so that a loop is on its way too that trails a ramp and comes no nearer to its end.
+    """
+    at_limit, stalled = stall.at_limit + elapsed, stall.stalled + elapsed
+    if used:
+        if not limited:
+            at_limit = stalled = 0.0
+        distance = stall.distance
+        nearer = abs(stall.aim - last) <= (1.0 - _PROGRESS) * abs(distance)
+        beyond = (aim - last) * distance < 0.0
+        if stalled == 0.0 or distance == 0.0 or nearer or beyond:
+            return Stall(at_limit, 0.0, aim, aim - last)
+    return Stall(at_limit, stalled, stall.aim, stall.distance)

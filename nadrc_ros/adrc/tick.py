@@ -2,105 +2,110 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite, nan
+from math import inf, isfinite
 
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.limiter import clamp, limit
-from nadrc_ros.adrc.settings import LARGEST, SMALLEST
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import average_command, match_command, raw_command, start, State
 from nadrc_ros.adrc.status import NO_MEASUREMENT, SATURATED
-from nadrc_ros.adrc.supervisor import HOLDING, MODE_OK, REFERENCE_TIMEOUT, supervise, Watch
+from nadrc_ros.adrc.supervisor import HOLDING, MODE_OK, PolicyState, REFERENCE_TIMEOUT, supervise
 from nadrc_ros.adrc.transfer import adopt_reference, restart_profile
 
 
 def tick(
     design: Design,
     state: State,
-    watch: Watch,
-    enabled: bool,
+    policy: PolicyState,
+    sample: Sample,
     reference: Vector,
     referenced: bool,
-    measurement: float,
-    applied: float,
-    dt: float,
-    elapsed: float,
-    age: float,
+    enabled: bool,
     out: State,
-) -> tuple[float, int, Watch]:
+) -> tuple[float, int, PolicyState]:
     """
     Advance law and policy by one tick; return command, status and the policy's state.
 
-    ``measurement`` is nan when none came. ``reference`` (n+1,) is the last one received; before
-    the first it is written here: the first valid measurement, held. ``dt`` is the time this tick's
-    sample spans, ``elapsed`` the time since the last tick [s], over which the rate limit counts,
-    ``age`` the time since the sample was there [s], from which its silence counts.
-    On entering OK the first command equals ``applied``; the law goes on from there. Derivatives of
-    a reference older than ``max_dt`` count as 0. At a start ``state`` is written to as well.
+    ``reference`` (n+1,) is the last one received, ``referenced`` whether that was in this tick;
+    before the first it is written here: the first valid measurement, held.
+
+    In this order, which is that of what is known when:
+
+    1. The first measurement that is possible starts the state, which is written to, at rest.
+    2. The law takes the sample, or refuses it and leaves the state as it was. It does so in a
+       fault and while disabled too: the observers see what acts, so that to take over is no bump.
+    3. Without a sample the command still goes to where the last one sent it, at the rate limit.
+    4. The policy decides whether the law may act, from what the law made of the sample.
+    5. Derivatives of a reference that is older than ``max_dt``, or lost, count as 0 from now on.
+    6. The command is the law's in OK, but ``applied`` on entering it, and the law goes on from
+       there; ``applied`` while holding, unless only the reference is missing: then the law keeps
+       the plant at the last one; else it is on its way to ``safe_command``.
     """
-    if not SMALLEST <= applied <= LARGEST:
-        applied = design.safe_command
-    if not elapsed > 0.0:
-        elapsed = 0.0
-    span = watch.gap + dt
-    if not dt > 0.0:
-        dt = 0.0
+    measurement, applied, elapsed = sample.measurement, sample.applied, sample.elapsed
+    span = policy.gap + sample.span
     possible = design.measurement_min <= measurement <= design.measurement_max
-    if possible and watch.measurement_age == inf:
-        if watch.reference_age == inf and not referenced:
+    if possible and policy.measurement_age == inf:
+        if policy.reference_age == inf and not referenced:
             _hold(reference, measurement)
         start(design, measurement, applied, reference[0], state)
     command, status = step(design, state, reference, measurement, applied, span, out)
-    measured = status < NO_MEASUREMENT
-    if not measured:
+    used = status < NO_MEASUREMENT
+    if not used:
         average_command(out, applied, elapsed)
-        command = _go_on(design, out, applied, elapsed)
+        command = _without_sample(design, out, applied, elapsed)
     elif elapsed < span and status <= SATURATED:
-        command, limited = limit(design, command, applied, elapsed)
-        status = max(status, limited)
-    before = watch
-    at_safe = applied == design.safe_command
-    watch = supervise(
-        design,
-        watch,
-        enabled,
-        measurement if measured else nan,
-        referenced,
-        at_safe,
-        status == SATURATED and command != design.safe_command,
-        out.profile[0],
-        dt,
-        elapsed,
-        age,
-    )
-    profiled = design.tracking_acceleration > 0.0
-    stale = design.max_dt < watch.reference_age < inf or watch.cause == REFERENCE_TIMEOUT
-    if stale and _moves(reference):
+        # The law counted the rate over the span, of which earlier ticks have had their share.
+        command, limiting = limit(design, command, applied, elapsed)
+        status = max(status, limiting)
+    limited = status == SATURATED and command != design.safe_command
+    after = supervise(design, policy, sample, used, referenced, enabled, limited, out.profile[0])
+    mode = after.mode
+    lost = after.cause == REFERENCE_TIMEOUT
+    if (lost or design.max_dt < after.reference_age < inf) and _moves(reference):
         _hold(reference, reference[0])
         adopt_reference(design, reference, out, applied, elapsed)
-    if watch.mode == MODE_OK:
-        if before.mode != MODE_OK:
-            if watch.reference_age == inf:
-                _hold(reference, measurement)
-            followed = before.mode == HOLDING and before.cause == REFERENCE_TIMEOUT
-            if watch.reference_age == inf or (profiled and not followed):
-                restart_profile(design, measurement, out)
-            match_command(design, out, applied)
+    if mode == MODE_OK:
+        if policy.mode != MODE_OK:
+            _take_over(design, policy, after.reference_age, measurement, applied, reference, out)
             command = clamp(design, applied)
-    elif watch.mode != HOLDING:
+    elif mode != HOLDING:
         command = limit(design, design.safe_command, applied, elapsed)[0]
-    elif watch.cause != REFERENCE_TIMEOUT:
+    elif not lost:
         command = clamp(design, applied)
-    return command, status, watch
+    return command, status, after
 
 
-def _go_on(design: Design, state: State, applied: float, elapsed: float) -> float:
+def _without_sample(design: Design, state: State, applied: float, elapsed: float) -> float:
     """Return the command of a tick without a sample: held, or still on its way to the last one."""
     if design.command_rate_limit > 0.0:
         raw = raw_command(design, state)
         if isfinite(raw):
             return limit(design, raw, applied, elapsed)[0]
     return clamp(design, applied)
+
+
+def _take_over(
+    design: Design,
+    before: PolicyState,
+    reference_age: float,
+    measurement: float,
+    applied: float,
+    reference: Vector,
+    out: State,
+) -> None:
+    """
+    Make the state one whose command is ``applied``.
+
+    Where the profile of a differentiator was not followed, it starts anew from where the plant is:
+    meanwhile it went to the reference, and to jump there is what it is to prevent.
+    """
+    if reference_age == inf:
+        _hold(reference, measurement)
+    followed = before.mode == HOLDING and before.cause == REFERENCE_TIMEOUT
+    if reference_age == inf or (design.tracking_acceleration > 0.0 and not followed):
+        restart_profile(design, measurement, out)
+    match_command(design, out, applied)
 
 
 def _hold(reference: Vector, value: float) -> None:

@@ -242,7 +242,7 @@ class ControllerNode(LiveNode):
             self._estimates.send(controller)
         if self.trace is not None:
             self.trace.tick(controller, measurement, dt, elapsed, age, reference, applied)
-        if self._mode_log.now != controller.watch[:2] and self._log_mode():
+        if self._mode_log.now != controller.policy[:2] and self._log_mode():
             self.diagnostics.publish()
         if controller.settings is not settings:
             allowed = settings.command_rate_limit * elapsed
@@ -291,8 +291,8 @@ class ControllerNode(LiveNode):
             'enabled': controller.enabled,
             'mode': controller.mode.name.lower(),
             'cause': controller.cause.name.lower(),
-            'measurement_age': controller.watch.measurement_age,
-            'reference_age': controller.watch.reference_age,
+            'measurement_age': controller.policy.measurement_age,
+            'reference_age': controller.policy.reference_age,
         }
         if self.lockstep is None:
             values |= {

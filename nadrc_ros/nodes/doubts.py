@@ -60,16 +60,16 @@ class Doubts:
         if (self._seconds - 1) % self._every:
             return
         controller, say = self._controller, self._remarks.put
-        settings, watch = controller.settings, controller.watch
+        settings, policy = controller.settings, controller.policy
         in_control = controller.mode == Mode.OK
         refused_y, refused_r = controller.refused_measurement, controller.refused_reference
         held, before = controller.reference[0], self._reference
         self._reference = held
         topic, *derivatives = (each.topic for each in references)
-        self._scatter = max(watch.spread, _KEPT * self._scatter)
+        self._scatter = max(policy.spread, _KEPT * self._scatter)
         say('bandwidth', self._bandwidths(settings))
         say('default', self._defaults(settings))
-        without = in_control and watch.reference_age == inf and not isfinite(refused_r)
+        without = in_control and policy.reference_age == inf and not isfinite(refused_r)
         text = f'no reference yet: holding {held:.6g}, as none comes on {topic}'
         say('no reference', text if without else '', looks=_LOOKS)
         text = (
@@ -115,7 +115,7 @@ class Doubts:
     def _rare_samples(self, settings: ControllerSettings, spacing: float) -> str:
         times = {name: getattr(settings, name) for name in ('measurement_timeout', 'max_dt')}
         short = [f'{name} = {t:g}' for name, t in times.items() if 0.0 < t < spacing]
-        if not short or self._controller.watch.measurement_age > _LOOKS * max(spacing, 1.0):
+        if not short or self._controller.policy.measurement_age > _LOOKS * max(spacing, 1.0):
             return ''
         return (
             f'measurements come every {spacing:.3g} s, too seldom for {" and ".join(short)}: '
@@ -130,11 +130,11 @@ class Doubts:
         that is well and at its limit comes nearer, or rests off its reference by what the sensor
         scatters, which is no growth.
         """
-        controller, watch = self._controller, self._controller.watch
+        controller, policy = self._controller, self._controller.policy
         growth = controller.error_growth
         needed = max(_STUCK, _TIME_CONSTANTS / settings.controller_bandwidth)
-        if watch.stalled < needed or growth <= max(
-            _GROWTH * abs(watch.distance), _CLEARLY * self._scatter
+        if policy.stall.stalled < needed or growth <= max(
+            _GROWTH * abs(policy.stall.distance), _CLEARLY * self._scatter
         ):
             return ''
         return (

@@ -15,28 +15,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache, lru_cache
 from hashlib import sha256
+from importlib import import_module
 from inspect import getmembers, getmodule, getsource, isfunction
 from math import isfinite, isnan
 from types import FunctionType
 from typing import Any
 
-from nadrc_ros.adrc import (
-    differentiator,
-    feedback,
-    law,
-    limiter,
-    observer,
-    supervisor,
-    transfer,
-)
-from nadrc_ros.adrc import (
-    state as state_module,
-)
-from nadrc_ros.adrc import (
-    tick as tick_module,
-)
+from nadrc_ros.adrc import law, observer, transfer
+from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import LARGEST, REFERENCE_DERIVATIVES, SMALLEST
-from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
+from nadrc_ros.adrc.state import disturbance_estimate, output_estimate, rest, start
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import FIRST_LEVEL
@@ -48,9 +36,12 @@ from numba.core.event import Event, install_listener, Listener
 from numba.extending import intrinsic, overload, register_jitable
 import numpy as np
 
-_LAW = (
-    *(limiter, feedback, state_module, differentiator, observer),
-    *(law, transfer, supervisor, tick_module),
+_LAW = tuple(
+    import_module(f'nadrc_ros.adrc.{name}')
+    for name in (
+        *('limiter', 'feedback', 'state', 'differentiator', 'observer'),
+        *('law', 'transfer', 'supervisor', 'tick'),
+    )
 )
 _SIMULATION = (integrate, total_disturbance, accumulate, accumulate_remainders)
 # So many combinations of classes are kept ready; a further one is read from disk again.
@@ -60,7 +51,7 @@ _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
 # All others are inlined, which makes the loop six times as fast; these would double the time to
 # compile for nothing.
 _NOT_INLINED = (
-    *(law._refuse, law._restart, state_module.start, state_module.rest),
+    *(law._refuse, law._restart, start, rest),
     *(transfer.restart_profile, observer.place),
 )
 
@@ -103,7 +94,7 @@ def compiled_loop(
         design: Any,
         state: Any,
         spare: Any,
-        watch: Any,
+        policy: Any,
         command: float,
         known: int,
         r: Any,
@@ -148,9 +139,8 @@ def compiled_loop(
                 reference[i] = r[i] if i < known and i < len(r) else 0.0
             y = output(plant, x)
             measurement = y + noise[k - noise_start]
-            u, now, watched = tick(
-                design, state, watch, True, reference, True, measurement, command, h, h, 0.0, spare
-            )
+            sample = Sample(measurement, h, h, 0.0, command)
+            u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
             disturbances(disturbance, t, w)
             truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
             truth += (b0 - design.b0) * u
@@ -163,7 +153,7 @@ def compiled_loop(
                     fine = fine and isfinite(x_next[i])
                 if not fine:
                     break
-            command, status, watch = u, now, watched
+            command, status, policy = u, now, decided
             followed = spare.profile[0] if tracking else r[0]
             saturated = u <= design.command_min or u >= design.command_max
             accumulate(acc, t, h, followed - y, u, saturated)
@@ -185,7 +175,7 @@ def compiled_loop(
             state, spare = spare, state
             x, x_next = x_next, x
             k += 1
-        return k, status, command, watch, (k - first) % 2
+        return k, status, command, policy, (k - first) % 2
 
     parts = (loop, *methods, *_law(), *_SIMULATION)
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=_named_by_source(loop, parts))(loop)

@@ -16,7 +16,6 @@ from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Watch
 from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
@@ -55,11 +54,11 @@ class Kernel:
         reference = np.array(running.reference)
         xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
         try:
-            k, status, command, watch, last = self.compiled(
+            k, status, command, policy, last = self.compiled(
                 *self.fields,
                 tuple_of(design),
                 *states,
-                running.watch,
+                running.policy,
                 running.command,
                 1 + running.settings.received_derivatives,
                 np.zeros(REFERENCE_DERIVATIVES + 1),
@@ -89,7 +88,7 @@ class Kernel:
             plant_run.state = xs[last].tolist()
             running.state = State(*(part.tolist() for part in states[last]))
             running.reference[:] = reference.tolist()
-            running.watch = Watch(*watch)
+            running.policy = policy
             running.command = command
             running.status = Status(status)
             for each in Status:

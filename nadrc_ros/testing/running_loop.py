@@ -336,8 +336,8 @@ class RunningLoop:
                 matched = publisher.get_subscription_count()
                 if publisher.topic_name == full and matched < len(names):
                     return f'reader of {full} beside {matched} of {", ".join(names)}'
-        watch = self.controller.controller.watch
-        ages = {'measurement': watch.measurement_age, 'reference': watch.reference_age}
+        policy = self.controller.controller.policy
+        ages = {'measurement': policy.measurement_age, 'reference': policy.reference_age}
         unheard = [name for name, age in ages.items() if not isfinite(age)]
         return f'{" and ".join(unheard)} at the controller' if unheard else ''
 

@@ -45,7 +45,7 @@ def test_p07_a_fault_is_switched_on_and_off_live(make_probe: Callable[..., Probe
 
     def follows() -> bool:  # else it holds where it is after each fault
         refer(0.0)
-        return bool(controller.mode == Mode.OK and controller.watch.reference_age < inf)
+        return bool(controller.mode == Mode.OK and controller.policy.reference_age < inf)
 
     probe.wait_until(follows)
 

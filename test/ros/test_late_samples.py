@@ -31,7 +31,7 @@ def test_p07_a_sensor_that_died_while_the_controller_stood_still_is_missed_at_on
     measure(1.0)
     time.sleep(1.2)  # nothing is taken; the last sample is that old then
     probe.wait_until(lambda: controller.cause == Cause.MEASUREMENT_TIMEOUT)
-    assert controller.watch.measurement_age > 1.0
+    assert controller.policy.measurement_age > 1.0
     probe.wait_until(in_control)
 
 

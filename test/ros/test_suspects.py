@@ -21,7 +21,7 @@ CONTROL: dict[str, Any] = {
 
 
 def good(node: Any, count: int) -> Callable[[], bool]:
-    return lambda: node.controller.watch.good == count
+    return lambda: node.controller.policy.good == count
 
 
 def test_p08_before_the_good_samples_only_safe_is_sent(make_probe: Callable[..., Probe]) -> None:

@@ -1,0 +1,37 @@
+"""What one tick of the controller is told: a measurement, if one came, and its times."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Sample(NamedTuple):
+    """
+    One measurement with the times that belong to it [s], or a tick without one.
+
+    Three times are told here; two are counted by the policy, see
+    :class:`~nadrc_ros.adrc.supervisor.PolicyState`. At the tick that takes sample 3, when sample 2
+    was refused::
+
+        sample             1             2                  3
+        tick                   |             |                    |
+                      -----+---+---------+---+--------------+-----+---> time
+        gap                |------------>|                              of what was refused
+        span                             |----------------->|           since the sample before
+        elapsed                              |------------------->|     since the last tick
+        age                                                 |---->|     since the sample was there
+        measurement_age    |------------------------------------->|     had sample 3 not come
+
+    The observers advance by ``gap + span``, the rate limit counts over ``elapsed``, and the
+    timeout of the sensor from where ``age`` begins.
+
+    ``measurement`` is y, nan when none came; ``span`` is then 0, and may be anything where clocks
+    are at fault: the law refuses what is not positive. ``elapsed`` and ``age`` are not negative.
+    ``applied``, a finite number, is the command that really acted since the last tick.
+    """
+
+    measurement: float
+    span: float
+    elapsed: float
+    age: float
+    applied: float
