@@ -254,7 +254,7 @@ def steps(text: str, designs: int = DESIGNS) -> dict[str, ControllerSettings]:
 def judged(text: str, found: Mapping[str, ControllerSettings]) -> dict[str, tuple[float, float]]:
     """Return ITAE and peak error of each step, on the true plant with unseen noise."""
     scenario = loads(text, FOLDER).changed(seed=UNSEEN)
-    runs = {name: simulate(scenario.experiment(), each).metrics for name, each in found.items()}
+    runs = {name: simulate(scenario.experiment, each).metrics for name, each in found.items()}
     return {name: (run.itae, run.peak_error) for name, run in runs.items()}
 
 

@@ -85,7 +85,7 @@ def at(settings: ControllerSettings, bandwidth: float) -> ControllerSettings:
 def over_bandwidth(scenario: Scenario, which: str, jobs: int) -> list[dict[str, float]]:
     """Return noisy ITAE and ISU of a controller over the bandwidth of its observers."""
     settings = [at(scenario.controllers[which], bandwidth) for bandwidth in BANDWIDTHS]
-    runs = metrics_of(scenario.experiment(), settings, SEARCH_SEEDS, jobs)
+    runs = metrics_of(scenario.experiment, settings, SEARCH_SEEDS, jobs)
     return [
         {
             'bandwidth': bandwidth,
@@ -100,7 +100,7 @@ def merits(
     scenario: Scenario, settings: Sequence[ControllerSettings], seeds: Sequence[int], jobs: int
 ) -> list[dict[str, float]]:
     """Return ITAE and ISU of each controller, without noise and on average over the seeds."""
-    experiment = scenario.experiment()
+    experiment = scenario.experiment
     clean = metrics_of(without_noise(experiment), settings, [0], jobs)
     noisy = metrics_of(experiment, settings, seeds, jobs)
     return [

@@ -101,7 +101,7 @@ def _run(scenario: Scenario, rate: float, kind: str) -> tuple[Result, dict[str, 
         return command
 
     followed: Decide = recorded
-    found = run(attrs.evolve(scenario.experiment(), rate=rate, noise=Noise()), followed)
+    found = run(attrs.evolve(scenario.experiment, rate=rate, noise=Noise()), followed)
     r1, r2 = np.array(profile).T
     turns = np.diff(np.sign(np.diff(r2)))
     row = {

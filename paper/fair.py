@@ -89,7 +89,7 @@ def rows_of(
     scenario: Scenario, name: str, designs: list[dict[str, Any]], seeds: range, jobs: int
 ) -> list[dict[str, Any]]:
     """Return what the designs of an observer, one for each budget, come to."""
-    experiment = scenario.experiment()
+    experiment = scenario.experiment
     settings = [designed(scenario, name, values) for values in designs]
     unique = list(dict.fromkeys(settings))
     clean = dict(zip(unique, metrics_of(without_noise(experiment), unique, [0], jobs)))

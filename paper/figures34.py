@@ -57,7 +57,7 @@ def _run(scenario: Scenario, name: str, case: str) -> simulate.Result:
     if case == 'clean':
         scenario = scenario.changed(noise_variance=0.0)
     settings = scenario.controllers[name]
-    return simulate.simulate(scenario.experiment(), settings, compiled=True)
+    return simulate.simulate(scenario.experiment, settings, compiled=True)
 
 
 def _estimation_errors(found: simulate.Result) -> dict[str, Any]:

@@ -137,7 +137,7 @@ class Search:
             for key in new
         ]
         for key, score in zip(
-            new, measured(self.scenario.experiment(), settings, budget, self.jobs)
+            new, measured(self.scenario.experiment, settings, budget, self.jobs)
         ):
             self.known[key] = score
         return [self.known[key] for key in keys]

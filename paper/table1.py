@@ -85,7 +85,7 @@ def measure(tell: Tell, jobs: int, seeds: int = SEEDS) -> Result:
 
 def measured(scenario: Scenario, seeds: range, jobs: int) -> dict[str, Statistics]:
     """Return mean and standard deviation of the ten numbers, by their key."""
-    experiment = scenario.experiment()
+    experiment = scenario.experiment
     controllers = [scenario.controllers[name] for name in CONTROLLERS.values()]
     runs = {
         'clean': metrics_of(without_noise(experiment), controllers, [0], jobs),
@@ -137,7 +137,7 @@ def one_period(scenario: Scenario) -> dict[str, float]:
     ``earlier`` and ``later`` compare the output with what is followed one period before and after:
     a simulator may pair them either way, and the error r1 - y is that small.
     """
-    silent = without_noise(scenario.experiment())
+    silent = without_noise(scenario.experiment)
     run = simulate(silent, scenario.controllers['c_adrc'], compiled=True)
     followed = run.reference if silent.error == 'reference' else run.tracking
 

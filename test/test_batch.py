@@ -47,7 +47,7 @@ def tell(done, count):
         print('going', flush=True)
 
 if __name__ == '__main__':
-    one = loads('''{TEXT % 0.2}''').experiment()
+    one = loads('''{TEXT % 0.2}''').experiment
     found = simulate_batch(
         one, [ControllerSettings()], range(1000), compiled=False, progress=tell
     )
@@ -75,7 +75,7 @@ SETTINGS = [ControllerSettings(), ControllerSettings(structure='conventional')]
 
 
 def experiment(a3: float = 0.2) -> Experiment:
-    return loads(TEXT % a3).experiment()
+    return loads(TEXT % a3).experiment
 
 
 class AtOnce(Executor):

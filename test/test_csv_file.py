@@ -12,8 +12,8 @@ from hypothesis import example, given, settings, strategies
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.scenario import csv_file
 from nadrc_ros.scenario.csv_file import CsvFile, open_csv
-from nadrc_ros.scenario.errors import ScenarioError
-from nadrc_ros.scenario.user_signal import load_column
+from nadrc_ros.scenario.csv_signal import load_column
+from nadrc_ros.scenario.user_code import ScenarioError
 import pytest
 
 GERMAN = 't [ms];Soll;Ist °C\r\n0;1,5;2\r\n10;1,5;2,25\r\n'

@@ -39,7 +39,7 @@ def wanted(**values: Any) -> Requirements:
 def run(scenario: Scenario, candidate: Candidate, **changes: Any) -> Result:
     """Run a candidate in a changed scenario, in plain Python."""
     scenario = attrs.evolve(scenario, **changes)
-    return simulate(scenario.experiment(), candidate.settings, compiled=False)
+    return simulate(scenario.experiment, candidate.settings, compiled=False)
 
 
 @pytest.mark.parametrize('settling', (0.12, 0.5, 3.0))

@@ -83,7 +83,7 @@ def test_every_key_arrives() -> None:
 
 
 def test_the_experiment_is_the_scenario() -> None:
-    experiment = loads(FULL).experiment()
+    experiment = loads(FULL).experiment
     assert experiment.plant == PLANTS['paper'](a3=0.3)  # type: ignore[call-arg]
     assert experiment.initial_state == (1.0, 0.0)
     assert (experiment.steps, experiment.noise.seed, experiment.error) == (400, 7, 'tracking')
@@ -112,7 +112,7 @@ def test_faults_arrive_and_are_dumped_again() -> None:
     first, second = scenario.faults.measurement
     assert (first.kind, first.start, second.kind) == ('not_a_number', 1.0, 'bias')
     assert [fault.kind for fault in scenario.faults.command] == ['gain']
-    assert scenario.experiment().faults == scenario.faults
+    assert scenario.experiment.faults == scenario.faults
     assert loads(dump(scenario)) == scenario
 
 
@@ -347,7 +347,7 @@ def test_the_shipped_scenarios_are_those_of_the_source_tree() -> None:
 def test_a_shipped_scenario_runs_well(path: Path) -> None:
     scenario = load(path)
     assert loads(dump(scenario)) == scenario
-    if scenario.experiment().steps > WHOLE:
+    if scenario.experiment.steps > WHOLE:
         scenario = scenario.changed(duration=min(scenario.duration, ENOUGH))
     for name, controller in scenario.controllers.items():
         result = scenario.run(name)

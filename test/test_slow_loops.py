@@ -49,7 +49,7 @@ def test_a_floor_is_heated_with_a_step_a_minute_and_settles_in_hours() -> None:
     assert np.abs(error[run.time > 130_000]).max() < 0.03
     assert np.abs(error[run.time > 86_400]).max() > 0.05  # there was something to reject
     assert loads(dump(scenario)) == scenario
-    fast = simulate(scenario.experiment(), scenario.controllers['nested'], compiled=True)
+    fast = simulate(scenario.experiment, scenario.controllers['nested'], compiled=True)
     assert np.array_equal(fast.output, run.output)
 
 

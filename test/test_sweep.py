@@ -95,7 +95,7 @@ def test_a_run_is_that_of_the_scenario_with_the_values_written_in(tmp_path: Path
     )
     assert found.at(0) == by_hand
     expected = [
-        run_metrics(by_hand.experiment(), settings, seed, False)
+        run_metrics(by_hand.experiment, settings, seed, False)
         for settings in by_hand.controllers.values()
         for seed in (0, 1)
     ]

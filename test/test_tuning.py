@@ -126,8 +126,8 @@ def test_a_spread_of_b0_is_a_plant_of_other_gain(gain: float) -> None:
     text = SCENARIO.replace('damping: 1', f'damping: 1, gain: {gain}').replace(
         'nested: {', f'nested: {{b0: {settings.b0}, '
     )
-    truly = run_metrics(loads(text).experiment(), settings, 5, False)
-    scaled = run_metrics(scenario().experiment(), with_gain(settings, gain), 5, False)
+    truly = run_metrics(loads(text).experiment, settings, 5, False)
+    scaled = run_metrics(scenario().experiment, with_gain(settings, gain), 5, False)
     assert scaled.itae == pytest.approx(truly.itae, rel=1e-9)
     assert scaled.isu / gain**2 == pytest.approx(truly.isu, rel=1e-9)
 

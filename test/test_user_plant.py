@@ -9,9 +9,8 @@ from textwrap import dedent
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.scenario import dump, load, load_plant, loads, ScenarioError
+from nadrc_ros.scenario import dump, load, loads, PLANT, ScenarioError
 from nadrc_ros.scenario.sweep import load_sweep, run_range
-from nadrc_ros.scenario.user_plant import plant_class
 from nadrc_ros.simulation.compiled import compiled_loop
 from nadrc_ros.simulation.kernel import _fields, _verdict, _VERDICTS_KEPT
 import numpy as np
@@ -86,7 +85,7 @@ def scenario_with(plant_file: Path, source: str, **changes: str) -> Path:
 def refused(plant_file: Path, source: str, class_name: str = '', **values: Any) -> str:
     plant_file.write_text(source)
     with pytest.raises((SettingError, ScenarioError)) as caught:
-        load_plant(plant_file, class_name, values)
+        PLANT.load(plant_file, class_name, values)
     message = str(caught.value)
     assert '\n' not in message
     return message
@@ -132,7 +131,7 @@ def test_order_states_and_b0_come_from_the_file(plant_file: Path) -> None:
 def test_a_changed_file_is_read_again_and_nothing_is_left_beside_it(plant_file: Path) -> None:
     for b0 in (2.0, 3.0, 4.0):  # same size, same second: a byte-code cache would go stale
         plant_file.write_text(PLAIN.replace('b0 = 1.0', f'b0 = {b0}'))
-        assert load_plant(plant_file, '', {'a1': 0}).b0 == b0
+        assert PLANT.load(plant_file, '', {'a1': 0}).b0 == b0
     assert os.listdir(plant_file.parent) == ['my_plant.py']
 
 
@@ -140,14 +139,14 @@ def test_a_file_named_like_a_module_does_not_hide_it(tmp_path: Path) -> None:
     import math
 
     (tmp_path / 'math.py').write_text(PLAIN)
-    load_plant(tmp_path / 'math.py', '', {'a1': 0.0})
+    PLANT.load(tmp_path / 'math.py', '', {'a1': 0.0})
     assert sys.modules['math'] is math
 
 
 def test_one_of_several_plants_is_named(plant_file: Path) -> None:
     source = PLAIN + 'class Other(Mine):\n    b0 = 2.0\n'
     assert '`class:` must name one of Mine, Other' in refused(plant_file, source, a1=0)
-    assert load_plant(plant_file, 'Other', {'a1': 0}).b0 == 2.0
+    assert PLANT.load(plant_file, 'Other', {'a1': 0}).b0 == 2.0
     assert "plant.class = 'Third'" in refused(plant_file, source, 'Third')
 
 
@@ -163,7 +162,7 @@ def test_what_is_imported_or_a_protocol_is_no_candidate(plant_file: Path) -> Non
     message = refused(plant_file, dedent(source))
     assert 'a file that defines a class with a method derivative' in message
     plant_file.write_text(dedent(source) + PLAIN)
-    assert type(load_plant(plant_file, '', {'a1': 0})).__name__ == 'Mine'
+    assert type(PLANT.load(plant_file, '', {'a1': 0})).__name__ == 'Mine'
 
 
 @pytest.mark.parametrize('source', [PLAIN, DATACLASS, ATTRS], ids=['plain', 'dataclass', 'attrs'])
@@ -229,9 +228,9 @@ def test_a_validator_of_the_class_is_heard(plant_file: Path) -> None:
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r'plant\.file = .*No such file'):
-        load_plant(tmp_path / 'nothing.py')
+        PLANT.load(tmp_path / 'nothing.py')
     with pytest.raises(SettingError, match=r'plant\.file = .*directory'):
-        load_plant(tmp_path)
+        PLANT.load(tmp_path)
 
 
 def test_the_file_runs_once_and_a_sweep_over_it_keeps_nothing(plant_file: Path) -> None:
@@ -241,7 +240,7 @@ def test_the_file_runs_once_and_a_sweep_over_it_keeps_nothing(plant_file: Path) 
     scenario = load(path)
     for name in (*scenario.controllers, *scenario.controllers):
         scenario.run(name)
-    plant_class(str(plant_file))  # as a plant node, which declares its coefficients
+    PLANT.type_of(str(plant_file))  # as a plant node, which declares its coefficients
     written = plant_file.with_name('sweep.yaml')
     values = [0.01 * i for i in range(_VERDICTS_KEPT + 20)]
     written.write_text(f'scenario: scenario.yaml\nvary: {{plant.a1: {values}}}\n')
@@ -258,4 +257,4 @@ def test_the_file_runs_once_and_a_sweep_over_it_keeps_nothing(plant_file: Path) 
 def test_an_interrupt_is_not_taken_for_a_fault(plant_file: Path) -> None:
     plant_file.write_text('raise KeyboardInterrupt')
     with pytest.raises(KeyboardInterrupt):
-        load_plant(plant_file)
+        PLANT.load(plant_file)

@@ -92,7 +92,7 @@ def test_a_published_kind_of_experiment_is_a_file_of_signals_and_a_scenario() ->
 
 
 def test_plain_and_compiled_give_the_same_bits(folder: Path) -> None:
-    experiment = example(folder).experiment()
+    experiment = example(folder).experiment
     assert kernel_for(experiment) is not None
     settings = example(folder).controllers['nested']
     plain, fast = (simulate(experiment, settings, compiled=c) for c in (False, True))
@@ -103,10 +103,10 @@ def test_plain_and_compiled_give_the_same_bits(folder: Path) -> None:
 def test_what_would_give_other_bits_when_compiled_is_not(folder: Path) -> None:
     other = SIGNALS.replace('p * p / 2.0))', '0.5 * p**4))')  # as powers are of numba
     (folder / 'my_signals.py').write_text(other)
-    assert kernel_for(example(folder).experiment()) is None
+    assert kernel_for(example(folder).experiment) is None
     (folder / 'my_signals.py').write_text(SIGNALS)
     (folder / 'my_plant.py').write_text(PLANT.replace('* sin(x[0])', '* sin(x[0]) + t**4'))
-    assert kernel_for(example(folder).experiment()) is None
+    assert kernel_for(example(folder).experiment) is None
 
 
 def test_a_scenario_is_written_with_the_full_paths(folder: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_long_table_compiles_as_fast_as_a_short_one(folder: Path) -> None:
     (folder / 'long.csv').write_text(f't,a\n{rows}')
     (folder / 'my_plant.py').write_text(PLANT)
     text = SCENARIO.replace('{file: my_signals.py, class: Pushes}', '{csv: long.csv}')
-    experiment = loads(text, folder).experiment()
+    experiment = loads(text, folder).experiment
     settings = loads(text, folder).controllers['nested']
     assert kernel_for(experiment) is not None
     plain, fast = (simulate(experiment, settings, compiled=c) for c in (False, True))

@@ -146,7 +146,7 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
     rows = {
         'itae': 'ITAE',
         'isu': 'ISU',
-        'peak_error': f'peak |e| from {scenario.experiment().settled:g} s on',
+        'peak_error': f'peak |e| from {scenario.experiment.settled:g} s on',
         'max_command': 'max |u|',
         'total_variation': 'total variation of u',
         'periods': 'periods',

@@ -93,5 +93,5 @@ def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') 
     from nadrc_ros.report.caption import title_of
 
     metrics = {run: result.metrics for run, result in results.items()}
-    settled = scenario.experiment().settled
+    settled = scenario.experiment.settled
     print_figures_of_merit(title_of(name, scenario), metrics, settled)

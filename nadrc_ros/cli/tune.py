@@ -184,7 +184,7 @@ def _studies(
 
     found = {}
     for name in names:
-        experiment = scenario.experiment()
+        experiment = scenario.experiment
         periods = tuning.trials * tuning.seeds * experiment.steps
         fast = kernel_of(experiment, periods, None, complain) is not None
         judge = Judge(scenario, name, tuning, fast)

@@ -20,10 +20,9 @@ from nadrc_ros.records.recording import topic_of
 from nadrc_ros.ros.runtime import LOCKED_UP
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.topics import reference_topics
-from nadrc_ros.scenario import Scenario
-from nadrc_ros.scenario.coefficients import plant_fields
-from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.scenario import PLANT, Scenario, ScenarioError
 from nadrc_ros.scenario.parameter_files import controller_parameters, parameter_text, Parameters
+from nadrc_ros.scenario.user_code import class_fields
 
 NODES = ('plant', 'reference', 'recorder', 'controller')
 STOP_TIME = 3.0
@@ -46,7 +45,8 @@ def node_parameters(
         'noise_sample_time': scenario.noise.sample_time,
         'seed': scenario.noise.seed,
     }
-    plant |= _typed(plant_fields(plant['plant'], plant['plant_class']), scenario.plant.values)
+    fields = class_fields(PLANT.type_of(plant['plant'], plant['plant_class']))
+    plant |= _typed(fields, scenario.plant.values)
     plant |= DISTURBANCE.of(scenario.disturbance) | NOISE_SIGNAL.of(scenario.noise_signal)
     plant |= _fault_parameters(scenario)
     nodes: dict[str, Parameters] = {
@@ -59,9 +59,9 @@ def node_parameters(
         'recorder': recorder_parameters(
             settings, directory, 0.0 if lockstep else scenario.duration
         )
-        | {'error': scenario.error, 'settle_time': scenario.experiment().settled},
+        | {'error': scenario.error, 'settle_time': scenario.experiment.settled},
     }
-    steps = scenario.experiment().steps if lockstep else None
+    steps = scenario.experiment.steps if lockstep else None
     return {
         node: parameters | pacing(node, settings, scenario.rate, steps)
         for node, parameters in nodes.items()

@@ -20,9 +20,8 @@ from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown
 from nadrc_ros.ros.runtime import LiveNode, run
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL
 from nadrc_ros.ros.topics import Info, receive, Sender
-from nadrc_ros.scenario.coefficients import plant_fields
-from nadrc_ros.scenario.specs import PlantSpec
-from nadrc_ros.scenario.user_plant import make_plant
+from nadrc_ros.scenario.specs import PLANT, PlantSpec
+from nadrc_ros.scenario.user_code import class_fields
 from nadrc_ros.simulation.faults import (
     CommandFault,
     Faults,
@@ -114,7 +113,7 @@ class PlantNode(LiveNode):
         settings = self._group.value
         self._plants = ParameterGroup(
             self,
-            plant_fields(self.plant_type or settings.plant, settings.plant_class),
+            class_fields(self.plant_type or PLANT.type_of(settings.plant, settings.plant_class)),
             self._make_plant,
             self._change,
         )
@@ -194,7 +193,7 @@ class PlantNode(LiveNode):
 
     def _plant_of(self, values: dict[str, Any]) -> Plant:
         if self.plant_type is not None:
-            return make_plant(self.plant_type, values)
+            return PLANT.make(self.plant_type, values)
         settings = self._group.value
         file = settings.plant if settings.plant.endswith('.py') else ''
         name = '' if file else settings.plant

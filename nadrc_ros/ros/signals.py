@@ -8,10 +8,9 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import Declared, declared
-from nadrc_ros.scenario.coefficients import class_fields
-from nadrc_ros.scenario.specs import SignalSpec
-from nadrc_ros.scenario.user_code import user_class
-from nadrc_ros.scenario.user_signal import CsvColumn, SIGNAL
+from nadrc_ros.scenario.csv_signal import CsvColumn
+from nadrc_ros.scenario.specs import SIGNAL, SignalSpec
+from nadrc_ros.scenario.user_code import class_fields
 from nadrc_ros.simulation.protocols import Signal
 from nadrc_ros.simulation.signals import make_signal, signal_fields, SIGNALS
 from rclpy.node import Node
@@ -56,7 +55,7 @@ class SignalParameters:
         if source.endswith('.csv'):
             return own | _behind(f'{self.key}_', declared(CsvColumn))
         own[f'{self.key}_class'] = _fixed(class_name, 'class in that file, where it has several')
-        return own | _behind(f'{self.key}_', class_fields(user_class(SIGNAL, source, class_name)))
+        return own | _behind(f'{self.key}_', class_fields(SIGNAL.type_of(source, class_name)))
 
     def asked(self, node: Node) -> dict[str, Declared]:
         """Return :meth:`fields` for what the node was started with."""

@@ -1,12 +1,13 @@
 """The description of an experiment: reads and writes YAML, loads the plant file of a user."""
 
-from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.files import dump, find_scenario, load, loads
 from nadrc_ros.scenario.scenario import Scenario
-from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
-from nadrc_ros.scenario.user_plant import load_plant
+from nadrc_ros.scenario.specs import PLANT, PlantSpec, SIGNAL, SignalSpec
+from nadrc_ros.scenario.user_code import ScenarioError
 
 __all__ = [
+    'PLANT',
+    'SIGNAL',
     'PlantSpec',
     'Scenario',
     'ScenarioError',
@@ -14,6 +15,5 @@ __all__ = [
     'dump',
     'find_scenario',
     'load',
-    'load_plant',
     'loads',
 ]

@@ -6,9 +6,9 @@ from pathlib import Path
 import sys
 
 from nadrc_ros.adrc.errors import did_you_mean, UserError
-from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.mapping import from_mapping, to_mapping
 from nadrc_ros.scenario.scenario import Scenario
+from nadrc_ros.scenario.user_code import ScenarioError
 from nadrc_ros.yaml_text import read_yaml, write_yaml
 
 PACKAGE = 'nadrc_ros'

@@ -6,53 +6,44 @@ from collections.abc import Mapping
 from math import inf
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared, refuse_unknown_keys
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.scenario.errors import ScenarioError
-from nadrc_ros.scenario.scenario import check_controller_name, Scenario
+from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
+from nadrc_ros.scenario.user_code import ScenarioError
 from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
-from nadrc_ros.simulation.plants import PLANTS
 from nadrc_ros.simulation.protocols import Plant
-from nadrc_ros.simulation.signals import SIGNALS
 
-KEYS = (
-    'plant',
-    'reference',
-    'disturbance',
-    'noise',
-    'faults',
-    'seed',
-    'rate',
-    'duration',
-    'error',
-    'settle_time',
-    'limits',
-    'controllers',
-    'retune',
-)
-NEEDED = {'plant': 'plant: paper', 'reference': 'reference: cosine', 'controllers': 'controllers:'}
+S = TypeVar('S', PlantSpec, SignalSpec)
 # Keys whose values are those of the scenario as they are.
-SAME = ('rate', 'duration', 'error', 'settle_time')
-FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
-NOISE = ('variance', 'sample_time')
+_SAME = ('rate', 'duration', 'error', 'settle_time')
+_KEYS = (
+    *('plant', 'reference', 'disturbance', 'noise', 'faults', 'seed', *_SAME),
+    *('limits', 'controllers', 'retune'),
+)
+_NEEDED = {
+    'plant': 'plant: paper',
+    'reference': 'reference: cosine',
+    'controllers': 'controllers:',
+}
+_FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
+_RANDOM_NOISE = ('variance', 'sample_time')
+_SOURCES = tuple(key for key in SignalSpec.keys if key != 'class')
+_LIMITS = ('command_min', 'command_max', 'command_rate_limit')
 # At least so many periods, where a controller does not say otherwise.
-PATIENCE = {'measurement_timeout': 5.0, 'max_dt': 10.0}
-# What a signal is taken from.
-SOURCES = ('signal', 'file', 'csv')
-LIMITS = ('command_min', 'command_max', 'command_rate_limit')
+_FEWEST_PERIODS = {'measurement_timeout': 5.0, 'max_dt': 10.0}
 
 
 def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
     """
     Return the scenario that ``data`` describes; a plant file is sought from ``base_dir``.
 
-    The keys are those of ``KEYS``. In a controller, ``plant_order`` and ``b0`` may be left out and
+    In a controller, ``plant_order`` and ``b0`` may be left out and
     are then those of the plant, and times of silence at least some periods; ``limits`` apply to
     every controller that does not say otherwise.
 
@@ -63,27 +54,27 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
 
     """
     refuse_other_kinds(data, 'scenario')
-    refuse_unknown_keys(_mapping(data, ''), KEYS)
+    refuse_unknown_keys(_mapping(data, ''), _KEYS)
     given = {key: value for key, value in data.items() if value is not None}
-    for key, example in NEEDED.items():
+    for key, example in _NEEDED.items():
         if key not in given:
             raise ScenarioError(f'the key {key} is missing, for instance `{example}`')
-    spec, initial_state = _plant(given['plant'], base_dir)
-    limits = _limits(given.get('limits', {}))
-    same = {key: given[key] for key in SAME if key in given}
+    plant_values = _long_form(given['plant'], 'name', 'plant')
+    initial_state = plant_values.pop('initial_state', ())
+    plant = _spec(PlantSpec, plant_values, 'plant', base_dir)
+    noise, noise_signal = _noise(given.get('noise', {}), given.get('seed', 0), base_dir)
+    limits = _limits(given.get('limits', {})) | _times_of_periods(given.get('rate'))
     return Scenario(
-        plant=spec,
+        plant=plant,
         initial_state=initial_state,
-        reference=_signal(given['reference'], 'reference', base_dir),
-        disturbance=_signal(given.get('disturbance', 'none'), 'disturbance', base_dir),
-        noise=_noise(given.get('noise', {}), given.get('seed', 0)),
-        noise_signal=_noise_signal(given.get('noise', {}), base_dir),
+        reference=_spec(SignalSpec, given['reference'], 'reference', base_dir),
+        disturbance=_spec(SignalSpec, given.get('disturbance', 'none'), 'disturbance', base_dir),
+        noise=noise,
+        noise_signal=noise_signal,
         faults=_faults(given.get('faults', {})),
-        controllers=_controllers(
-            given['controllers'], limits | _patience(given.get('rate')), spec.make()
-        ),
+        controllers=_controllers(given['controllers'], limits, plant.make()),
         retunes=_retunes(given.get('retune', [])),
-        **same,
+        **{key: given[key] for key in _SAME if key in given},
     )
 
 
@@ -113,28 +104,22 @@ def _of_a_node(data: Any) -> bool:
 
 def to_mapping(scenario: Scenario) -> dict[str, Any]:
     """Return plain data from which :func:`from_mapping` makes an equal scenario."""
-    spec = scenario.plant
-    where = {'file': spec.file, 'class': spec.class_name} if spec.file else {'name': spec.name}
     noise, added = scenario.noise, scenario.noise_signal
     data = {
-        'plant': {
-            **{key: value for key, value in where.items() if value},
-            **spec.values,
-            'initial_state': scenario.initial_state,
-        },
-        'reference': _signal_data(scenario.reference),
-        'disturbance': _signal_data(scenario.disturbance),
+        'plant': {**scenario.plant.as_given(), 'initial_state': scenario.initial_state},
+        'reference': scenario.reference.as_given(),
+        'disturbance': scenario.disturbance.as_given(),
         'noise': {
-            **{key: getattr(noise, key) for key in NOISE},
-            **({} if added == SignalSpec() else _signal_data(added)),
+            **{key: getattr(noise, key) for key in _RANDOM_NOISE},
+            **({} if added == SignalSpec() else added.as_given()),
         },
         'faults': {
             where: [_not_default(fault) for fault in getattr(scenario.faults, where)]
-            for where in FAULTS
+            for where in _FAULTS
             if getattr(scenario.faults, where)
         },
         'seed': noise.seed,
-        **{key: getattr(scenario, key) for key in SAME},
+        **{key: getattr(scenario, key) for key in _SAME},
         'controllers': {name: _settings(s) for name, s in scenario.controllers.items()},
         'retune': [{'time': r.time, **r.settings} for r in scenario.retunes],
     }
@@ -142,87 +127,52 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
     return plain
 
 
-def _plant(data: Any, base_dir: str | Path) -> tuple[PlantSpec, Any]:
-    values = _long_form(data, 'name', 'plant')
-    initial_state = values.pop('initial_state', ())
-    name, file, class_name = (values.pop(key, '') for key in ('name', 'file', 'class'))
-    for key, value in (('name', name), ('file', file), ('class', class_name)):
-        if not isinstance(value, str):
-            raise SettingError(f'plant.{key}', value, 'a string')
-    if bool(name) == bool(file):
-        raise ScenarioError(
-            'plant needs either a name, one of ' + ', '.join(PLANTS) + ', or a file'
-        )
-    if class_name and not file:
-        raise SettingError('plant.class', class_name, 'left out: it belongs to a plant file')
-    file = _absolute(file, base_dir)
-    try:
-        spec = PlantSpec(name=name, file=file, class_name=class_name, values=values)
-    except SettingError as error:
-        raise error.inside('plant') from None
-    return spec, initial_state
-
-
-def _signal(data: Any, path: str, base_dir: str | Path) -> SignalSpec:
-    values = _long_form(data, 'signal', path)
-    given = {key: values.pop(key, '') for key in (*SOURCES, 'class')}
+def _spec(cls: type[S], data: Any, path: str, base_dir: str | Path) -> S:
+    """Return what ``data`` says of a plant or a signal: a bare name, or a mapping."""
+    first, *_ = cls.keys
+    values = _long_form(data, first, path)
+    given = {key: values.pop(key, '') for key in cls.keys}
     for key, value in given.items():
         if not isinstance(value, str):
-            what = 'the name of a signal' if key == 'signal' else 'a string'
-            raise SettingError(f'{path}.{key}', value, what)
-    if sum(bool(given[key]) for key in SOURCES) != 1:
-        raise ScenarioError(
-            f'{path} needs either a signal, one of {", ".join(SIGNALS)}, a file of Python or a csv'
-        )
+            allowed = 'the name of a signal' if key == 'signal' else 'a string'
+            raise SettingError(f'{path}.{key}', value, allowed)
+    if sum(bool(value) for key, value in given.items() if key != 'class') != 1:
+        known = ', '.join(cls.kind.known)
+        raise ScenarioError(f'{path} needs either a {first}, one of {known}, {cls.others}')
     if given['class'] and not given['file']:
         raise SettingError(f'{path}.class', given['class'], 'left out: it belongs to a file')
+    for key in given.keys() & {'file', 'csv'}:
+        if given[key]:
+            given[key] = os.path.abspath(Path(base_dir) / Path(given[key]).expanduser())
     try:
-        return SignalSpec(
-            name=given['signal'],
-            file=_absolute(given['file'], base_dir),
-            class_name=given['class'],
-            csv=_absolute(given['csv'], base_dir),
-            values=values,
-        )
+        return cls(**{field: given[key] for key, field in cls.keys.items()}, values=values)
     except SettingError as error:
         raise error.inside(path) from None
     except ScenarioError as error:
         raise ScenarioError(f'{path}: {error}') from None
 
 
-def _signal_data(spec: SignalSpec) -> dict[str, Any]:
-    where = {'signal': spec.name, 'file': spec.file, 'class': spec.class_name, 'csv': spec.csv}
-    return {**{key: value for key, value in where.items() if value}, **spec.values}
-
-
-def _absolute(file: str, base_dir: str | Path) -> str:
-    return os.path.abspath(Path(base_dir) / Path(file).expanduser()) if file else ''
-
-
-def _noise(data: Any, seed: Any) -> Noise:
-    values = {key: value for key, value in _mapping(data, 'noise').items() if key in NOISE}
+def _noise(data: Any, seed: Any, base_dir: str | Path) -> tuple[Noise, SignalSpec]:
+    """Return the random noise, and what is added to a measurement beside it: any signal."""
     build(Noise, {'seed': seed})  # a bad seed is named without the path of the noise
-    return build(Noise, values | {'seed': seed}, 'noise')
-
-
-def _noise_signal(data: Any, base_dir: str | Path) -> SignalSpec:
-    """Return what is added to a measurement beside the random noise: any signal."""
-    values = {key: value for key, value in _mapping(data, 'noise').items() if key not in NOISE}
-    if not values.keys() & set(SOURCES):
-        refuse_unknown_keys(values, (*NOISE, *SOURCES), 'noise')
-        return SignalSpec()
-    return _signal(values, 'noise', base_dir)
+    values = _mapping(data, 'noise')
+    random = {key: values.pop(key) for key in _RANDOM_NOISE if key in values}
+    noise = build(Noise, random | {'seed': seed}, 'noise')
+    if values.keys() & set(_SOURCES):
+        return noise, _spec(SignalSpec, values, 'noise', base_dir)
+    refuse_unknown_keys(values, (*_RANDOM_NOISE, *_SOURCES), 'noise')
+    return noise, SignalSpec()
 
 
 def _faults(data: Any) -> Faults:
     values = _mapping(data, 'faults')
-    refuse_unknown_keys(values, FAULTS, 'faults')
+    refuse_unknown_keys(values, _FAULTS, 'faults')
     found: dict[str, Any] = {}
     for where, faults in values.items():
         if not isinstance(faults, list):
             raise SettingError(f'faults.{where}', faults, 'a list of {kind: ..., ...}')
         found[where] = tuple(
-            build(FAULTS[where], _mapping(fault, f'faults.{where}[{i}]'), f'faults.{where}[{i}]')
+            build(_FAULTS[where], _mapping(fault, f'faults.{where}[{i}]'), f'faults.{where}[{i}]')
             for i, fault in enumerate(faults)
         )
     return Faults(**found)
@@ -231,7 +181,6 @@ def _faults(data: Any) -> Faults:
 def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, ControllerSettings]:
     controllers = {}
     for name, values in _mapping(data, 'controllers').items():
-        check_controller_name(name)
         path = f'controllers.{name}'
         defaults = {'plant_order': plant.order, 'b0': float(plant.b0), **limits}
         own = _mapping({} if values is None else values, path)
@@ -239,21 +188,18 @@ def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, C
     return controllers
 
 
-def _patience(rate: Any) -> dict[str, float]:
+def _times_of_periods(rate: Any) -> dict[str, float]:
     """Return the times that are longer than their defaults, as they count periods."""
     if not isinstance(rate, (int, float)) or not rate > 0.0:
         return {}  # refused elsewhere
-    defaults = {name: declared(ControllerSettings)[name].default for name in PATIENCE}
-    return {
-        name: periods / rate
-        for name, periods in PATIENCE.items()
-        if periods / rate > defaults[name]
-    }
+    times = {name: periods / rate for name, periods in _FEWEST_PERIODS.items()}
+    defaults = declared(ControllerSettings)
+    return {name: time for name, time in times.items() if time > defaults[name].default}
 
 
 def _limits(data: Any) -> dict[str, Any]:
     values = _mapping(data, 'limits')
-    refuse_unknown_keys(values, LIMITS, 'limits')
+    refuse_unknown_keys(values, _LIMITS, 'limits')
     for key, value in values.items():
         setting = declared(ControllerSettings)[key]
         if not setting.accepts(value):
@@ -279,7 +225,7 @@ def _retunes(data: Any) -> tuple[Retune, ...]:
 
 def _settings(settings: ControllerSettings) -> dict[str, Any]:
     """Return what differs from the defaults, and what would else come from the plant."""
-    return _not_default(settings, 'plant_order', 'b0', 'structure', *PATIENCE)
+    return _not_default(settings, 'plant_order', 'b0', 'structure', *_FEWEST_PERIODS)
 
 
 def _not_default(settings: Any, *always: str) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 import re
 from typing import Any
 
@@ -10,32 +9,19 @@ import attrs
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
-from nadrc_ros.scenario.user_code import blame
-from nadrc_ros.simulation.experiment import Experiment, Retune
-from nadrc_ros.simulation.faults import Faults
+from nadrc_ros.scenario.user_code import blame, ScenarioError
+from nadrc_ros.simulation.experiment import Conditions, Experiment, Retune
 from nadrc_ros.simulation.integrate import substeps_for
-from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.protocols import Plant
 from nadrc_ros.simulation.simulate import Result, simulate
 
-CONTROLLER_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
-SETTINGS = declared(ControllerSettings)
-
-
-def _as_in_experiment(name: str) -> Any:
-    field = getattr(attrs.fields(Experiment), name)
-    return attrs.field(
-        default=field.default,
-        converter=field.converter,
-        validator=field.validator,
-        metadata=field.metadata,
-    )
+_ROS_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
+_SETTINGS = declared(ControllerSettings)
 
 
 @attrs.frozen(kw_only=True)
-class Scenario:
+class Scenario(Conditions):
     """
     A validated experiment with one or several controllers.
 
@@ -43,20 +29,14 @@ class Scenario:
     ----------
     plant, reference, disturbance
         What to control, what to follow, what disturbs [unit of y^(n)].
-    noise
-        Measurement noise, with the seed of all that is random.
     noise_signal
-        What is added to each measurement beside it.
-    faults
-        What goes wrong with the sensor and the actuator.
-    initial_state
-        x(0), zeros if left out.
-    rate, duration, error, settle_time
-        As in :class:`Experiment`.
+        What is added to each measurement beside the noise.
     controllers
         Settings by name; a name is also a ROS namespace. The plant order is that of the plant.
     retunes
         Changes of settings on the way, in order of time, for every controller.
+    experiment
+        What is done to each controller: all this, made.
 
     Raises
     ------
@@ -71,24 +51,28 @@ class Scenario:
     reference: SignalSpec
     controllers: dict[str, ControllerSettings]
     disturbance: SignalSpec = attrs.field(factory=SignalSpec)
-    noise: Noise = attrs.field(factory=Noise)
     noise_signal: SignalSpec = attrs.field(factory=SignalSpec)
-    faults: Faults = attrs.field(factory=Faults)
-    initial_state: tuple[float, ...] = ()
-    retunes: tuple[Retune, ...] = ()
-    rate: float = _as_in_experiment('rate')
-    duration: float = _as_in_experiment('duration')
-    error: str = _as_in_experiment('error')
-    settle_time: float = _as_in_experiment('settle_time')
+    experiment: Experiment = attrs.field(init=False, eq=False, repr=False)
 
     def __attrs_post_init__(self) -> None:
+        same = {field.name: getattr(self, field.name) for field in attrs.fields(Conditions)}
         plant = self.plant.make()
-        substeps_for(plant, 1.0 / self.rate)  # refuses one that is too fast for the rate
-        object.__setattr__(self, 'initial_state', _checked_state(plant, self.initial_state))
+        substeps_for(plant, self.period)  # refuses one that is too fast for the rate
+        try:
+            experiment = Experiment(
+                plant=plant,
+                reference=self.reference.make(),
+                disturbance=self.disturbance.make(),
+                noise_signal=self.noise_signal.make(),
+                **same,
+            )
+        except SettingError as error:
+            raise error.inside('plant') if error.name == 'initial_state' else error from None
         _check_controllers(plant, self.controllers, self.rate)
-        last = self._experiment(plant).last
-        retunes = _checked_retunes(self.retunes, self.controllers, last)
+        retunes = _checked_retunes(self.retunes, self.controllers, self.last)
+        object.__setattr__(self, 'initial_state', experiment.initial_state)
         object.__setattr__(self, 'retunes', retunes)
+        object.__setattr__(self, 'experiment', attrs.evolve(experiment, retunes=retunes))
 
     @property
     def code(self) -> tuple[str, ...]:
@@ -104,10 +88,6 @@ class Scenario:
     def _signals(self) -> tuple[SignalSpec, ...]:
         return self.reference, self.disturbance, self.noise_signal
 
-    def experiment(self) -> Experiment:
-        """Return what is done to each controller, with a plant of its own."""
-        return self._experiment(self.plant.make())
-
     def run(self, name: str) -> Result:
         """
         Run the controller of that name offline.
@@ -118,8 +98,9 @@ class Scenario:
             When the code of a user's plant or signal fails on the way.
 
         """
-        with blame(*self.code):
-            return simulate(self.experiment(), self.controllers[name])
+        with blame(*self.code):  # a user's plant may have a memory: each run has its own
+            fresh = attrs.evolve(self.experiment, plant=self.plant.make())
+            return simulate(fresh, self.controllers[name])
 
     def changed(
         self,
@@ -141,42 +122,14 @@ class Scenario:
             raise error if error.name == 'seed' else error.inside('noise') from None
         changes = _given({'duration': duration, 'rate': rate})
         if changes:
-            # Without these the shorter experiment is valid and knows its last sample.
-            bare = attrs.evolve(self, retunes=(), settle_time=0.0, **changes)
-            last = bare.experiment().last
+            last = Conditions(**{'duration': self.duration, 'rate': self.rate} | changes).last
             changes['settle_time'] = self.settle_time if self.settle_time <= last else 0.0
             changes['retunes'] = tuple(r for r in self.retunes if r.time <= last)
         return attrs.evolve(self, noise=changed_noise, **changes)
 
-    def _experiment(self, plant: Plant) -> Experiment:
-        return Experiment(
-            plant=plant,
-            reference=self.reference.make(),
-            disturbance=self.disturbance.make(),
-            noise=self.noise,
-            noise_signal=self.noise_signal.make(),
-            faults=self.faults,
-            initial_state=self.initial_state,
-            retunes=self.retunes,
-            rate=self.rate,
-            duration=self.duration,
-            error=self.error,
-            settle_time=self.settle_time,
-        )
-
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if value is not None}
-
-
-def _checked_state(plant: Plant, state: Any) -> tuple[float, ...]:
-    if isinstance(state, (list, tuple)):
-        numbers = [x for x in state if isinstance(x, (int, float)) and not isinstance(x, bool)]
-        if not state:
-            return (0.0,) * plant.states
-        if len(state) == len(numbers) == plant.states and all(map(isfinite, numbers)):
-            return tuple(map(float, numbers))
-    raise SettingError('plant.initial_state', state, f'a list of {plant.states} finite numbers')
 
 
 def _check_controllers(
@@ -200,7 +153,7 @@ def _check_controllers(
 
 def check_controller_name(name: object) -> None:
     """Refuse a controller name that cannot be a ROS namespace."""
-    if not isinstance(name, str) or not CONTROLLER_NAME.fullmatch(name):
+    if not isinstance(name, str) or not _ROS_NAME.fullmatch(name):
         raise SettingError(
             'controllers', name, 'named by letters, digits and _, no digit first (a ROS name)'
         )
@@ -231,8 +184,8 @@ def _checked_retunes(
 
 
 def _check_live(path: str, key: str, value: object) -> None:
-    live = [name for name, setting in SETTINGS.items() if setting.live]
-    if key not in SETTINGS:
+    live = [name for name, setting in _SETTINGS.items() if setting.live]
+    if key not in _SETTINGS:
         raise UnknownName(f'{path}.{key}', value, did_you_mean(key, ['time', *live]))
     if key not in live:
         raise SettingError(f'{path}.{key}', value, 'left out: it is fixed at the start')

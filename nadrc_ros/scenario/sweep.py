@@ -13,11 +13,10 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import refuse_unknown_keys
-from nadrc_ros.scenario.errors import ScenarioError
 from nadrc_ros.scenario.files import find_scenario, read_text
 from nadrc_ros.scenario.mapping import from_mapping, refuse_other_kinds
 from nadrc_ros.scenario.scenario import Scenario
-from nadrc_ros.scenario.user_code import blame
+from nadrc_ros.scenario.user_code import blame, ScenarioError
 from nadrc_ros.simulation.batch import run_metrics, RunMetrics
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.yaml_text import read_yaml, write_yaml
@@ -85,7 +84,7 @@ class Sweep:
         for point in range(self.points):
             scenario = self.at(point)
             runs += each
-            steps += each * scenario.experiment().steps
+            steps += each * scenario.experiment.steps
             files.update(scenario.files)
         return Extent(runs=runs, periods=steps, files=tuple(sorted(files)))
 
@@ -155,7 +154,7 @@ def run_range(
         point, controller, seed = sweep.key(run)
         if point != last:
             last, scenario = point, sweep.at(point)
-            experiment = scenario.experiment()
+            experiment = scenario.experiment
         try:
             with blame(*scenario.code):
                 found.append(

@@ -1,5 +1,5 @@
 """
-Classes in Python files of the user's: found and constructed.
+Classes in Python files of the user's: found, described and constructed.
 
 Everything that goes wrong in such a file, now or later in a run, becomes one sentence that names
 the file and the line.
@@ -7,61 +7,125 @@ the file and the line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 import inspect
 from math import isfinite
+import os
 from pathlib import Path
 import sys
 from threading import RLock
 import traceback
 from types import ModuleType
-from typing import Any
+from typing import Any, Generic, TypeVar
 from zlib import crc32
 
 import attrs
-from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
-from nadrc_ros.adrc.fields import build, declared
-from nadrc_ros.scenario.errors import ScenarioError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName, UserError
+from nadrc_ros.adrc.fields import build, Declared, declared, Registry
 
-LONGEST_MESSAGE = 200
+T = TypeVar('T')
+_LONGEST_MESSAGE = 200
+_KIND_OF = {bool: 'flag', str: 'text', int: 'number', float: 'number'}
 # By path: what the file said when it was executed, and the module that came of it.
 _MODULES: dict[str, tuple[bytes, ModuleType]] = {}
 _LOCK = RLock()
 
 
-@attrs.frozen
-class Kind:
+class ScenarioError(UserError):
     """
-    What is looked for in a file.
+    A scenario cannot be read, lacks a key, or brings a plant whose code fails.
 
-    ``name`` is the path of the setting that names the file, may be empty; ``method`` tells the
-    class from others, ``plural`` is what several of them are called.
+    The message is one sentence for the user. A bad value is a ``SettingError`` instead.
     """
 
-    name: str
+
+@attrs.frozen(kw_only=True)
+class Kind(Generic[T]):
+    """
+    Plants, or signals: those of this package, and what a class of a user's must have to be one.
+
+    ``known`` are the registered ones; ``method`` tells such a class from others, ``check`` whether
+    an object of it works; ``plural`` is what several are called. Settings are named below
+    ``path``, which may be empty.
+    """
+
+    known: Registry[type[T]]
     method: str
+    check: Callable[[Any], T]
     plural: str
+    path: str = ''
 
-    def path(self, key: str) -> str:
-        """Return the dotted path of one of its settings."""
-        return f'{self.name}.{key}' if self.name else key
+    def named(self, key: str) -> str:
+        """Return the dotted path of one of the settings."""
+        return f'{self.path}.{key}' if self.path else key
 
+    def type_of(self, source: str, class_name: str = '') -> type[Any]:
+        """
+        Return a registered class by its name, or that in the Python file ``source``.
 
-def user_class(kind: Kind, file: str, class_name: str = '') -> type[Any]:
-    """
-    Return the class of that kind in a file, of that name where it has several.
+        Raises
+        ------
+        ScenarioError
+            When the code of the file fails, or it has several such classes and none is named.
+        SettingError
+            When the name is unknown, or the file cannot be read or has no such class.
 
-    Raises
-    ------
-    ScenarioError
-        When the code of the file fails, or the class is not clear.
-    SettingError
-        When the file cannot be read, or has no such class.
+        """
+        return self._class_in(source, class_name) if source.endswith('.py') else self.known[source]
 
-    """
-    with blame(file, always=True):
-        return _choose(kind, _classes(kind, _execute(kind, file)), class_name, file)
+    def load(
+        self, path: str | Path, class_name: str = '', values: Mapping[str, Any] | None = None
+    ) -> T:
+        """
+        Return an object of a class in the Python file at ``path``, made from ``values``.
+
+        Raises
+        ------
+        ScenarioError, SettingError
+            As :meth:`type_of` and :meth:`make` do.
+
+        """
+        with blame(os.path.abspath(path), always=True):
+            return self.make(self._class_in(path, class_name), values or {})
+
+    def make(self, cls: type[Any], values: Mapping[str, Any]) -> T:
+        """
+        Return an object of a class of the user's.
+
+        Raises
+        ------
+        SettingError, ScenarioError
+            For a value that the class does not take or refuses, one that is missing, or a class
+            whose objects are not of this kind.
+
+        """
+        return self.check(_construct(self, cls, values))
+
+    def _class_in(self, path: str | Path, name: str) -> type[Any]:
+        file = os.path.abspath(path)
+        with blame(file, always=True):
+            module = _execute(self, file)
+        classes = {
+            cls.__name__: cls
+            for cls in vars(module).values()
+            if isinstance(cls, type)
+            and cls.__module__ == module.__name__
+            and callable(getattr(cls, self.method, None))
+            and not getattr(cls, '_is_protocol', False)
+        }
+        names = ', '.join(classes)
+        if not classes:
+            allowed = f'a file that defines a class with a method {self.method}'
+            raise SettingError(self.named('file'), file, allowed)
+        if not name and len(classes) > 1:
+            raise ScenarioError(
+                f'{file} defines several {self.plural}, so `class:` must name one of {names}'
+            )
+        if name and name not in classes:
+            allowed = f'one of the {self.plural} in {file}: {names}'
+            raise SettingError(self.named('class'), name, allowed)
+        return classes[name or names]
 
 
 @contextmanager
@@ -85,7 +149,40 @@ def blame(*files: str, always: bool = False) -> Iterator[None]:
         raise ScenarioError(f'{where}: {_one_line(cause)}') from None
 
 
-def _execute(kind: Kind, file: str) -> ModuleType:
+def class_fields(cls: type[Any]) -> dict[str, Declared]:
+    """
+    Return what is known of each argument of a class, by name.
+
+    The arguments of a plain class are described by their defaults, which they must have.
+
+    Raises
+    ------
+    ScenarioError
+        When an argument has no default that a parameter can hold.
+
+    """
+    if attrs.has(cls) and declared(cls):
+        return declared(cls)
+    fields = {}
+    for argument in inspect.signature(cls).parameters.values():
+        if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD):
+            continue
+        kind, default = _KIND_OF.get(type(argument.default)), argument.default
+        if kind is None:
+            raise ScenarioError(
+                f'{cls.__name__}: {argument.name} needs a default that is a number, a string or '
+                'a flag'
+            )
+        fields[argument.name] = Declared(
+            kind=kind,
+            default=float(default) if kind == 'number' else default,
+            description=f'argument of {cls.__name__}',
+            live=False,
+        )
+    return fields
+
+
+def _execute(kind: Kind[Any], file: str) -> ModuleType:
     """
     Return the file as a module, run again only once its text has changed.
 
@@ -94,84 +191,40 @@ def _execute(kind: Kind, file: str) -> ModuleType:
     try:
         source = Path(file).read_bytes()
     except OSError as error:
-        raise SettingError(kind.path('file'), file, f'a Python file ({error.strerror})') from None
+        allowed = f'a Python file ({error.strerror})'
+        raise SettingError(kind.named('file'), file, allowed) from None
     with _LOCK:
         before, module = _MODULES.get(file, (None, None))
         if module is None or before != source:
-            module = _run(file, source)
+            # Under a name of its own: a file called math.py must not get in the way of math.
+            module = ModuleType(f'_nadrc_user_{crc32(file.encode()):08x}')
+            module.__file__ = file
+            sys.modules[module.__name__] = module  # dataclasses look their module up
+            try:
+                exec(compile(source, file, 'exec'), module.__dict__)
+            except BaseException:
+                del sys.modules[module.__name__]
+                raise
             _MODULES[file] = source, module
         return module
 
 
-def _run(file: str, source: bytes) -> ModuleType:
-    # Under a name of its own: a file called math.py must not get in the way of math.
-    module = ModuleType(f'_nadrc_user_{crc32(file.encode()):08x}')
-    module.__file__ = file
-    sys.modules[module.__name__] = module  # dataclasses look their module up
-    try:
-        exec(compile(source, file, 'exec'), module.__dict__)
-    except BaseException:
-        del sys.modules[module.__name__]
-        raise
-    return module
-
-
-def _classes(kind: Kind, module: ModuleType) -> dict[str, type[Any]]:
-    return {
-        cls.__name__: cls
-        for cls in vars(module).values()
-        if isinstance(cls, type)
-        and cls.__module__ == module.__name__
-        and callable(getattr(cls, kind.method, None))
-        and not getattr(cls, '_is_protocol', False)
-    }
-
-
-def _choose(kind: Kind, classes: dict[str, type[Any]], name: str, file: str) -> type[Any]:
-    if not classes:
-        raise SettingError(
-            kind.path('file'), file, f'a file that defines a class with a method {kind.method}'
-        )
-    names = ', '.join(classes)
-    if not name and len(classes) > 1:
-        raise ScenarioError(
-            f'{file} defines several {kind.plural}, so `class:` must name one of {names}'
-        )
-    if name and name not in classes:
-        raise SettingError(
-            kind.path('class'), name, f'one of the {kind.plural} in {file}: {names}'
-        )
-    return classes[name or next(iter(classes))]
-
-
-def construct(kind: Kind, cls: type[Any], values: Mapping[str, Any]) -> Any:
-    """
-    Return an object of a class of the user's.
-
-    Raises
-    ------
-    SettingError, ScenarioError
-        For a value that the class does not take or refuses, or one that is missing.
-
-    """
+def _construct(kind: Kind[Any], cls: type[Any], values: Mapping[str, Any]) -> Any:
     taken = inspect.signature(cls).parameters
     others = any(p.kind is p.VAR_KEYWORD for p in taken.values())
     named = [p for p in taken.values() if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)]
     names = [p.name for p in named]
     for key, value in values.items():
         if not others and key not in names:
-            raise UnknownName(kind.path(key), value, did_you_mean(key, names))
+            raise UnknownName(kind.named(key), value, did_you_mean(key, names))
         if not _is_plain(value):
-            raise SettingError(
-                kind.path(key), value, 'a finite number, a string, true or false, or a list of one'
-            )
+            allowed = 'a finite number, a string, true or false, or a list of one'
+            raise SettingError(kind.named(key), value, allowed)
     for parameter in named:
         if parameter.default is parameter.empty and parameter.name not in values:
-            path = kind.path(parameter.name)
+            path = kind.named(parameter.name)
             raise ScenarioError(f'{path} is missing: {cls.__name__} asks for it')
-    if attrs.has(cls) and declared(cls):
-        return build(cls, values, kind.name)
-    return cls(**values)
+    return build(cls, values, kind.path) if attrs.has(cls) and declared(cls) else cls(**values)
 
 
 def _is_plain(value: object) -> bool:
@@ -195,5 +248,5 @@ def _line_in(file: str, error: BaseException) -> int | None:
 
 def _one_line(error: BaseException) -> str:
     message = error.msg if isinstance(error, SyntaxError) else str(error)
-    message = ' '.join(message.split())[:LONGEST_MESSAGE]
+    message = ' '.join(message.split())[:_LONGEST_MESSAGE]
     return f'{type(error).__name__}: {message}' if message else type(error).__name__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
 
 import attrs
@@ -24,25 +25,32 @@ class Retune:
 
 
 @attrs.frozen(kw_only=True)
-class Experiment:
+class Conditions:
     """
-    What is done to a controller: plant, signals, noise, faults, rate, duration.
+    What an experiment and a scenario that describes one have in common.
+
+    Attributes
+    ----------
+    noise
+        Measurement noise, with the seed of all that is random.
+    faults
+        What goes wrong with the sensor and the actuator.
+    initial_state
+        x(0) of the plant, zeros if left out.
+    retunes
+        Changes of settings on the way.
 
     Raises
     ------
     SettingError
-        For a value out of range, fewer than one period, or an initial state of the wrong length.
+        For a value out of range, or fewer than one period.
 
     """
 
-    plant: Plant
-    reference: Signal
-    disturbance: Signal
-    noise: Noise
-    initial_state: tuple[float, ...]
-    retunes: tuple[Retune, ...] = ()
+    noise: Noise = attrs.field(factory=Noise)
     faults: Faults = attrs.field(factory=Faults)
-    noise_signal: Signal = attrs.field(factory=Nothing)
+    initial_state: tuple[float, ...] = ()
+    retunes: tuple[Retune, ...] = ()
     rate: float = number(200.0, SLOWEST_RATE, FASTEST_RATE, 'Hz', 'periods per second')
     duration: float = number(15.0, 1.0 / FASTEST_RATE, LONGEST, 's', 'length of the run')
     error: str = choice(
@@ -60,10 +68,6 @@ class Experiment:
         if self.settle_time > self.last:
             raise SettingError(
                 'settle_time', self.settle_time, f'at most {self.last:g} s, the last sample'
-            )
-        if len(self.initial_state) != self.plant.states:
-            raise SettingError(
-                'initial_state', self.initial_state, f'a list of {self.plant.states} numbers'
             )
 
     @property
@@ -86,6 +90,32 @@ class Experiment:
         """Return the time from which ``peak_error`` counts [s]."""
         return self.settle_time or min(0.1 * self.duration, self.last)
 
+
+@attrs.frozen(kw_only=True)
+class Experiment(Conditions):
+    """
+    What is done to a controller: plant, signals, noise, faults, rate, duration.
+
+    Raises
+    ------
+    SettingError
+        As :class:`Conditions`; also for an initial state that is not ``states`` finite numbers.
+
+    """
+
+    plant: Plant
+    reference: Signal
+    disturbance: Signal
+    noise_signal: Signal = attrs.field(factory=Nothing)
+
+    def __attrs_post_init__(self) -> None:
+        super().__attrs_post_init__()
+        given, states = self.initial_state, self.plant.states
+        listed = isinstance(given, (list, tuple)) and len(given) in (0, states)
+        if not listed or not all(map(_finite, given)):
+            raise SettingError('initial_state', given, f'a list of {states} finite numbers')
+        object.__setattr__(self, 'initial_state', tuple(map(float, given or [0.0] * states)))
+
     def plant_run(self) -> PlantRun:
         """Return the plant at its initial state."""
         return PlantRun(
@@ -97,3 +127,7 @@ class Experiment:
             self.faults,
             self.noise_signal,
         )
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and isfinite(value)

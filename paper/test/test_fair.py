@@ -157,7 +157,7 @@ def test_retune_finds_designs_within_the_budget_and_again_the_same(short: Scenar
         for aim in AIMS:
             for budget, values in zip(SHORT_BUDGETS, found[aim]):
                 runs = simulate_batch(
-                    short.experiment(),
+                    short.experiment,
                     [designed(short, name, values)],
                     retune.SEEDS,
                     compiled=True,
@@ -189,7 +189,7 @@ def test_a_score_over_the_budget_is_worse_than_any_within() -> None:
 def test_what_runs_away_has_no_score() -> None:
     scenario = load_scenario()
     wild = attrs.evolve(scenario.controllers['conventional'], controller_bandwidth=9e3)
-    (score,) = retune.measured(scenario.experiment(), [wild], 8.0, 1)
+    (score,) = retune.measured(scenario.experiment, [wild], 8.0, 1)
     assert score.isu > 1e6 and score.noisy_itae == inf
 
 

@@ -88,7 +88,7 @@ def test_the_noise_free_isu_reduction_is_reached_by_none(result: Result) -> None
 
 def test_the_numbers_are_those_of_the_law_that_the_node_runs(result: Result) -> None:
     scenario = load(find_scenario('paper_g')).changed(noise_variance=0.0)
-    run = simulate(scenario.experiment(), scenario.controllers['n_adrc'], compiled=False)
+    run = simulate(scenario.experiment, scenario.controllers['n_adrc'], compiled=False)
     numbers = result['scenarios']['G']['table1']
     assert numbers['n_clean_itae']['mean'] == run.metrics.itae
     assert numbers['n_clean_isu']['mean'] == run.metrics.isu

@@ -94,7 +94,7 @@ def _unseen(
     scenario: Scenario, settings: ControllerSettings, objective: str, compiled: bool
 ) -> dict[str, float]:
     seeds = UNSEEN if scenario.noise.variance > 0.0 else UNSEEN[:1]
-    experiment = scenario.experiment()
+    experiment = scenario.experiment
     runs = [run_metrics(experiment, settings, seed, compiled) for seed in seeds]
     values = [getattr(run, objective) for run in runs]
     return {

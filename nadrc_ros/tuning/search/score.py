@@ -217,13 +217,13 @@ def corners(scenario: Scenario, tuning: TuneSettings) -> list[Corner]:
     """
     gains = tuning.b0_spread or (1.0,)
     ends = product(*([(name, end) for end in span] for name, span in tuning.plant.items()))
-    found = [Corner(scenario.experiment(), 1.0)]
+    found = [Corner(scenario.experiment, 1.0)]
     for values in ends:
         spec = attrs.evolve(scenario.plant, values={**scenario.plant.values, **dict(values)})
         for gain in gains:
             if values or gain != 1.0:
                 faults = _faults_with_gain(scenario.faults, gain)
-                experiment = attrs.evolve(scenario, plant=spec, faults=faults).experiment()
+                experiment = attrs.evolve(scenario, plant=spec, faults=faults).experiment
                 found.append(Corner(experiment, gain))
     return found
 

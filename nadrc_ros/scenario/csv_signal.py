@@ -1,4 +1,4 @@
-"""Signals of the user's: a class in a Python file, or a column of a CSV file."""
+"""A column of a CSV file as a signal."""
 
 from __future__ import annotations
 
@@ -14,17 +14,14 @@ from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, number, text
 from nadrc_ros.adrc.settings import LARGEST, LONGEST
 from nadrc_ros.scenario.csv_file import open_csv
-from nadrc_ros.scenario.errors import ScenarioError
-from nadrc_ros.scenario.user_code import blame, construct, Kind, user_class
-from nadrc_ros.simulation.protocols import check_signal, Signal
+from nadrc_ros.scenario.user_code import ScenarioError
 from nadrc_ros.simulation.signals import Table
 import numpy as np
 
-SIGNAL = Kind('', 'derivatives', 'signals')
 # Rows that are nearer in time [s] have no slope that can be counted with.
-SHORTEST = 1e-9
+_SHORTEST_STEP = 1e-9
 # Files that are kept read: a sweep makes the same signals at every point.
-KEPT = 8
+_FILES_KEPT = 8
 
 
 @attrs.frozen(kw_only=True)
@@ -40,21 +37,6 @@ class CsvColumn:
     start: float = number(
         0.0, 0.0, LONGEST, 's', 'time of the first row in the run; its value holds before'
     )
-
-
-def load_signal(path: str, class_name: str, values: Mapping[str, Any]) -> Signal:
-    """
-    Return the signal that the Python file at ``path`` defines, by a method ``derivatives``.
-
-    Raises
-    ------
-    ScenarioError, SettingError
-        As :func:`~nadrc_ros.scenario.user_plant.load_plant`.
-
-    """
-    file = os.path.abspath(path)
-    with blame(file, always=True):
-        return check_signal(construct(SIGNAL, user_class(SIGNAL, file, class_name), values))
 
 
 def load_column(path: str, values: Mapping[str, Any]) -> Table:
@@ -77,7 +59,7 @@ def load_column(path: str, values: Mapping[str, Any]) -> Table:
         raise ScenarioError(f'{path}: {error}') from None
 
 
-@lru_cache(KEPT)
+@lru_cache(_FILES_KEPT)
 def _table(path: str, changed: int, size: int, wanted: CsvColumn) -> Table:
     """Read a column; what the file system says of the file tells one state of it from another."""
     series = open_csv(Path(path)).series(wanted.time, (wanted.column,), wanted.unit)
@@ -91,11 +73,11 @@ def _table(path: str, changed: int, size: int, wanted: CsvColumn) -> Table:
             f'line {series.lines[large[0]]}: {wanted.column} = {values[large[0]]:g} must be '
             f'within +-{LARGEST:g}'
         )
-    near = np.flatnonzero(np.diff(series.time) < SHORTEST)
+    near = np.flatnonzero(np.diff(series.time) < _SHORTEST_STEP)
     if near.size:
         raise UserError(
-            f'line {series.lines[near[0] + 1]}: {wanted.time} is less than {SHORTEST:g} s after '
-            f'that of line {series.lines[near[0]]}'
+            f'line {series.lines[near[0] + 1]}: {wanted.time} is less than '
+            f'{_SHORTEST_STEP:g} s after that of line {series.lines[near[0]]}'
         )
     times = series.time[there] - series.time[there][0] + wanted.start
     return Table(
