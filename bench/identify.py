@@ -31,7 +31,7 @@ import attrs
 from bench.other_plants import CASES
 from bench.results import save, show
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.records.recorded_run import read_run
+from nadrc_ros.records.read_run import read_run
 from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads

@@ -26,7 +26,7 @@ from bench.results import save, show
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import append_parameters, read_history
-from nadrc_ros.records.recorded_run import read_run
+from nadrc_ros.records.read_run import read_run
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.scenario.parameter_files import controller_parameters

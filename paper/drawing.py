@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from nadrc_ros.report.figure import COLOURS, GREY, INK, STYLE
+from nadrc_ros.report.picture import COLOURS, GREY, INK, STYLE
 import numpy as np
 
 Draw = Callable[[dict[str, Any]], dict[str, Figure]]

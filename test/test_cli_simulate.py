@@ -9,13 +9,12 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 from typing import Any
 
-import attrs
 from nadrc_ros.cli.app import app
-from nadrc_ros.report.caption import Mark
-from nadrc_ros.report.columns import Trace, trace_of
-from nadrc_ros.report.figure import draw, render
+from nadrc_ros.report.marks import Mark
+from nadrc_ros.report.picture import draw, render
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.writing import write_whole
@@ -274,14 +273,17 @@ def test_a_file_is_replaced_in_full_or_left_as_it_was(
     assert not Path(os.devnull).is_file()
 
 
-def flat(**columns: Any) -> Trace:
-    names = [field.name for field in attrs.fields(Trace)]
-    return Trace(**{name: columns.get(name, [0.0] * 4) for name in names})
+DRAWN = ['time', 'reference', 'output', 'command', 'disturbance_estimate', 'total_disturbance']
+
+
+def flat(**columns: Any) -> Any:
+    zeros = np.zeros_like(columns['time'])
+    return SimpleNamespace(**{name: np.array(columns.get(name, zeros)) for name in DRAWN})
 
 
 def test_a_picture_has_a_row_for_each_signal_and_each_controller() -> None:
     scenario = load(find_scenario('demo')).changed(duration=3)
-    traces = {name: trace_of(scenario.run(name)) for name in scenario.controllers}
+    traces = {name: scenario.run(name) for name in scenario.controllers}
     figure = draw(traces, 'title', [Mark(1.0, 'here')])
     titles = [axis.get_title('left') for axis in figure.axes]
     assert [title.split('  ')[0] for title in titles] == [
@@ -303,9 +305,7 @@ def test_only_a_start_that_dwarfs_the_rest_is_cut_off() -> None:
     late = np.sin(time)
     for size, cut in ((2.0, False), (50.0, True)):
         command = np.where(time < 1.0, size, late)
-        columns = {name.name: np.zeros(101) for name in attrs.fields(Trace)}
-        trace = Trace(**(columns | {'time': time, 'command': command}))
-        axis = draw({'it': trace}, 'title').axes[2]
+        axis = draw({'it': flat(time=time, command=command)}, 'title').axes[2]
         assert bool(axis.get_ylim()[1] < size) is cut
         assert ('cut off' in axis.get_title('left')) is cut
 
@@ -314,8 +314,8 @@ def test_what_was_not_recorded_is_left_blank() -> None:
     nothing = [float('nan')] * 4
     trace = flat(time=[0, 1, 2, 3], output=nothing, total_disturbance=nothing)
     assert render(draw({'a': trace, 'b': trace}, 'title'), 'png')
-    with pytest.raises(ValueError, match='command has shape'):
-        flat(command=[1.0])
+    with pytest.raises(ValueError, match='same first dimension'):
+        draw({'a': flat(time=[0, 1], command=[1.0])}, 'title')
 
 
 @pytest.mark.parametrize(

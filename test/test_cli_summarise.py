@@ -17,6 +17,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
 from nadrc_ros.records.figures import Figures, summarise, summary
 from nadrc_ros.records.history import append_parameters
+from nadrc_ros.records.read_run import read_runs
 from nadrc_ros.records.recording import (
     read_samples,
     RunFolder,
@@ -25,8 +26,7 @@ from nadrc_ros.records.recording import (
     SETTINGS,
     SUMMARY,
 )
-from nadrc_ros.report.subject import read_subjects
-from nadrc_ros.report.words import summary_of
+from nadrc_ros.report.summary import summary_of
 import pytest
 from typer.testing import CliRunner
 
@@ -147,7 +147,7 @@ def test_without_limits_of_its_own_a_run_takes_those_that_its_controller_told(
     share = recorded['metrics']['saturated_fraction'] if known else None
     assert found == recorded['metrics'] | {'saturated_fraction': pytest.approx(share)}
     assert share is None or share > 0.3
-    ((_, subject),) = read_subjects([folder]).items()
+    ((_, subject),) = read_runs([folder]).items()
     assert subject.metrics.as_dict() == found
     assert ('the command was at a limit for' in summary_of({'': subject}, [])) == known
 

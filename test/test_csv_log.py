@@ -7,8 +7,9 @@ from pathlib import Path
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.records.recorded_run import Array, read_run, RecordedRun
-from nadrc_ros.records.shaping import thinned, unwrapped, window, wrap_of
+from nadrc_ros.records.read_run import read_run
+from nadrc_ros.records.recorded_run import Array, RecordedRun, window
+from nadrc_ros.records.shaping import thinned, unwrapped, wrap_of
 from nadrc_ros.records.source import Source
 import numpy as np
 import pytest

@@ -12,9 +12,8 @@ from bench.identify import scenarios, study
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import Change, History
-from nadrc_ros.records.recorded_run import RecordedRun
+from nadrc_ros.records.recorded_run import RecordedRun, window
 from nadrc_ros.records.recording import RecordingError
-from nadrc_ros.records.shaping import window
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants import Chain

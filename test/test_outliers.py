@@ -9,7 +9,7 @@ from bench.other_plants import CASES
 from hypothesis import given, settings, strategies
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
-from nadrc_ros.records.outliers import outliers
+from nadrc_ros.records.shaping import outliers
 from nadrc_ros.tuning.identification.cause import seems_swapped
 from nadrc_ros.tuning.identification.log import log_of
 import numpy as np

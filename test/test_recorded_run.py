@@ -10,11 +10,9 @@ import sys
 from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.figures import summarise
-from nadrc_ros.records.history import History, read_history
-from nadrc_ros.records.recorded_run import read_run
+from nadrc_ros.records.read_run import read_run, read_runs
 from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.records.source import Source
-from nadrc_ros.report.subject import make_subject, read_subjects
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode
@@ -71,19 +69,18 @@ def test_a_folder_of_the_recorder_reads_as_it_was_written(tmp_path: Path) -> Non
 
 def test_a_folder_of_an_earlier_version_means_what_it_did() -> None:
     """Its rows are periods of a fixed rate, and it says nothing of a settle time."""
-    run, history = read_run(EARLIER), read_history(EARLIER)
+    run = read_run(EARLIER)
     assert run.rate == 20.0
     assert run.columns['time'].tolist() == [k / 20.0 for k in range(60)]
     found, recorded = summarise(EARLIER), run.summary
     assert {name: found['metrics'][name] for name in recorded['metrics']} == recorded['metrics']
     for name in ('rows', 'periods', 'rate', 'error'):
         assert found[name] == recorded[name]
-    (change,) = history.changes
+    (change,) = run.history.changes
     assert [(change.name, change.before, change.after)] == [('inner_bandwidth', 8.0, 6.0)]
-    assert history.events == []
-    subject = make_subject(run, history)
-    assert subject.metrics.as_dict() == found['metrics']
-    assert (subject.gaps, subject.figures.settle_time) == (0, 2.0)
+    assert run.history.events == []
+    assert run.metrics.as_dict() == found['metrics']
+    assert (run.gaps, run.figure_settings.settle_time) == (0, 2.0)
 
 
 def test_a_folder_has_the_rate_of_its_measurements(tmp_path: Path) -> None:
@@ -99,7 +96,7 @@ def test_a_folder_has_the_rate_of_its_measurements(tmp_path: Path) -> None:
         folder.close()
         run = read_run(folder.path)
         assert run.rate == pytest.approx(1.0 / period)
-        assert make_subject(run, History()).gaps == 40
+        assert run.gaps == 40
         found = summarise(folder.path)
         assert found['metrics']['iae'] == pytest.approx(150.0 * period)
         assert (found['rows'], found['gap_time']) == (340, 0.0)
@@ -135,7 +132,7 @@ def test_a_bag_with_a_gap_has_the_figures_of_its_times(tmp_path: Path) -> None:
     times = [*np.arange(0, 2, H), *np.arange(3, 5, H)]
     loop = {name: [(1.0 + t, 0.0) for t in times] for name in ('/measurement', '/command')}
     loop['/reference'] = [(0.9, 1.0)]
-    subject = make_subject(read_run(write_bag(tmp_path / 'bag', loop)), History())
+    subject = read_run(write_bag(tmp_path / 'bag', loop))
     assert subject.metrics.iae == pytest.approx(4.0)
     assert subject.gap_time == pytest.approx(1.0)
 
@@ -151,11 +148,10 @@ def test_a_bag_whose_measurements_end_before_its_commands_has_a_gap_up_to_the_en
     bag = write_bag(tmp_path / 'bag', loop)
     run = read_run(bag)
     assert run.stop == pytest.approx(5.0 - H)
-    subject = make_subject(run, History())
-    assert subject.metrics.iae == pytest.approx(3.0)
-    assert subject.gap_time == pytest.approx(2.0 - H)
-    assert subject.gaps == round(2.0 / H) - 1
-    (part,) = read_subjects([bag], begin=1.0, end=4.0).values()
+    assert run.metrics.iae == pytest.approx(3.0)
+    assert run.gap_time == pytest.approx(2.0 - H)
+    assert run.gaps == round(2.0 / H) - 1
+    (part,) = read_runs([bag], begin=1.0, end=4.0).values()
     assert part.gap_time == pytest.approx(1.0)
     assert part.metrics.iae == pytest.approx(2.0)
 

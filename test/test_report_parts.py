@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from math import nan
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 from hypothesis import given, strategies
 from nadrc_ros.adrc.errors import UserError
@@ -17,15 +15,14 @@ from nadrc_ros.records.history import (
     Event,
     EVENTS,
     History,
+    PARAMETERS,
     read_history,
 )
+from nadrc_ros.records.read_run import read_runs
+from nadrc_ros.records.recorded_run import Array, referred, sampled
 from nadrc_ros.report import tables
-from nadrc_ros.report.columns import Array
-from nadrc_ros.report.moments import moments_of, text_of
-from nadrc_ros.report.spectrum import command_spectrum
-from nadrc_ros.report.subject import read_subjects
-from nadrc_ros.report.thinning import kept
-from nadrc_ros.report.timeline import controller_settings, plant_gain, referred, sampled
+from nadrc_ros.report.curves import command_spectrum, kept
+from nadrc_ros.report.marks import numbered, text_of
 from nadrc_ros.scenario import loads
 import numpy as np
 import pytest
@@ -86,11 +83,11 @@ def test_the_truth_is_that_for_b0_of_the_controller_at_its_time(tmp_path: Path) 
     run = record(tmp_path)
     describe(run, '/mine', b0=2.0)
     append_parameters(run, 1.0, '/mine/controller', {'b0': 4.0})
-    (subject,) = read_subjects([run]).values()
+    (subject,) = read_runs([run]).values()
     assert subject.referred
-    recorded, u = subject.run.columns['total_disturbance'], subject.command
+    recorded, u = subject.columns['total_disturbance'], subject.command
     b0 = np.where(subject.time < 1.0, 2.0, 4.0)
-    np.testing.assert_allclose(subject.truth, recorded + (1.0 - b0) * u, atol=1e-12)
+    np.testing.assert_allclose(subject.total_disturbance, recorded + (1.0 - b0) * u, atol=1e-12)
     assert referred([0.0], [2.0], [1.0], [(0.0, 3.0)], [(0.0, 1.0)]).tolist() == [5.0]
 
 
@@ -102,28 +99,27 @@ def test_the_picture_of_a_demo_takes_the_recorded_time_of_a_retune(tmp_path: Pat
     run = record(tmp_path)
     describe(run, '/mine', b0=2.0)
     append_parameters(run, 1.0, '/mine/controller', {'b0': 4.0})
-    (subject,) = read_subjects([run]).values()
-    seen: Any = SimpleNamespace(samples=subject.run.columns)
-    np.testing.assert_array_equal(
-        demo._truth(scenario, 'mine', seen, subject.history), subject.truth
-    )
-    unknown = demo._truth(scenario, 'mine', seen, History())  # as in a short run in lockstep
-    recorded = subject.run.columns['total_disturbance']
+    (subject,) = read_runs([run]).values()
+    drawn = demo._recorded(scenario, 'mine', run).total_disturbance
+    np.testing.assert_array_equal(drawn, subject.total_disturbance)
+    (run / PARAMETERS).unlink()  # as in a short run in lockstep
+    unknown = demo._recorded(scenario, 'mine', run).total_disturbance
+    recorded = subject.columns['total_disturbance']
     np.testing.assert_allclose(unknown, recorded - subject.command, atol=1e-12)
 
 
 def test_what_happened_is_listed_in_order(tmp_path: Path) -> None:
     run = record(tmp_path)
-    assert tables.events(read_subjects([run])) == ''
+    assert tables.events(read_runs([run])) == ''
     append_event(run, Event(None, '/mine/controller', 'enable', 'enabled'))
     append_event(run, Event(2.0, '/mine/recorder', 'gap', 'no <measurement>'))
     append_event(run, Event(1.5, '/mine/controller', 'mode', 'holding'))
-    found = tables.events(read_subjects([run]))
+    found = tables.events(read_runs([run]))
     assert found.index('holding') < found.index('no &lt;measurement&gt;')
     assert 'enabled' not in found  # that was before the run
     append_event(run, Event(2.5, '/mine/plant', 'fault', 'measurement silent'))
     append_event(run, Event(3.0, '/mine/plant', 'fault', 'none'))
-    assert 'measurement silent ended' in tables.events(read_subjects([run]))
+    assert 'measurement silent ended' in tables.events(read_runs([run]))
     (run / EVENTS).write_text('{"time": 1.0, "node": "/mine"}\n')
     with pytest.raises(UserError, match=r'events\.jsonl, line 1'):
         read_history(run)
@@ -135,9 +131,9 @@ def test_the_code_of_a_plant_that_a_record_names_is_not_run(tmp_path: Path) -> N
     run = record(tmp_path / 'runs')
     describe(run, '/mine')
     append_parameters(run, None, '/mine/plant', {'plant': str(plant)})
-    (subject,) = read_subjects([run]).values()
+    (subject,) = read_runs([run]).values()
     assert not subject.referred and not (tmp_path / 'ran').exists()
-    np.testing.assert_array_equal(subject.truth, subject.run.columns['total_disturbance'])
+    np.testing.assert_array_equal(subject.total_disturbance, subject.columns['total_disturbance'])
 
 
 def test_settings_that_this_version_does_not_know_are_left_out(tmp_path: Path) -> None:
@@ -146,10 +142,10 @@ def test_settings_that_this_version_does_not_know_are_left_out(tmp_path: Path) -
     append_parameters(run, 1.0, '/mine/controller', {'structure': 'of the future'})
     append_parameters(run, 2.0, '/mine/controller', {'structure': 'cascade', 'new': 1})
     history = read_history(run)
-    steps = controller_settings(history)
+    steps = history.controller_settings()
     assert [(time, each.structure) for time, each in steps] == [(0.0, 'nested'), (2.0, 'cascade')]
-    assert plant_gain(history) == [(0.0, 1.0)]
-    assert controller_settings(History()) == []
+    assert history.plant_gain() == [(0.0, 1.0)]
+    assert History().controller_settings() == []
 
 
 def test_a_parameter_that_is_no_number_and_stays_so_has_not_changed(tmp_path: Path) -> None:
@@ -163,10 +159,10 @@ def test_changes_side_by_side_are_one_moment() -> None:
     def change(time: float, value: float, node: str = 'controller') -> Change:
         return Change(time, f'/ns/{node}', 'b0', 1.0, value)
 
-    moments = moments_of(
+    moments = numbered(
         {
-            'a': History(changes=[change(1.0, 2.0), change(3.0, 4.0)]),
-            'b': History(changes=[change(1.05, 2.0), change(1.06, 2.0, 'plant')]),
+            'a': [change(1.0, 2.0), change(3.0, 4.0)],
+            'b': [change(1.05, 2.0), change(1.06, 2.0, 'plant')],
         }
     )
     assert [(m.number, m.time) for m in moments] == [(1, 1.0), (2, 3.0)]
@@ -191,19 +187,19 @@ def test_values_are_shown_to_the_bit(value: object, text: str) -> None:
 
 def test_runs_are_named_by_what_tells_them_apart(tmp_path: Path) -> None:
     a, b, c = (record(tmp_path / name, count=3) for name in 'abc')
-    assert list(read_subjects([a, a])) == [a.name]
-    assert list(read_subjects([a, b])) == [str(a), str(b)] or a.name != b.name
+    assert list(read_runs([a, a])) == [a.name]
+    assert list(read_runs([a, b])) == [str(a), str(b)] or a.name != b.name
     describe(a, '/one')
     describe(b, '/two')
     describe(c, '/two')
-    assert list(read_subjects([a, b])) == ['one', 'two']
+    assert list(read_runs([a, b])) == ['one', 'two']
     moved = c.rename(c.parent / 'other')
-    assert list(read_subjects([b, moved])) == [b.name, 'other']
+    assert list(read_runs([b, moved])) == [b.name, 'other']
 
 
 def test_latency_and_period_come_from_stamps(tmp_path: Path) -> None:
-    (subject,) = read_subjects([record(tmp_path, count=50, command_stamp=2.3)]).values()
-    stamps = subject.run.columns['measurement_stamp']
+    (subject,) = read_runs([record(tmp_path, count=50, command_stamp=2.3)]).values()
+    stamps = subject.columns['measurement_stamp']
     assert np.array_equal(subject.latency, 2.3 - stamps[stamps <= 2.3])
     assert subject.periods == pytest.approx(np.full(49, 0.01), abs=2e-4)
 
@@ -213,12 +209,12 @@ def test_of_a_part_of_a_run_the_figures_count_from_its_begin(tmp_path: Path) -> 
     describe(run, '/mine', b0=2.0)
     for at, b0 in ((1.0, 4.0), (2.5, 5.0), (3.5, 6.0)):
         append_parameters(run, at, '/mine/controller', {'b0': b0})
-    (subject,) = read_subjects([run], begin=2.0, end=3.0).values()
+    (subject,) = read_runs([run], begin=2.0, end=3.0).values()
     time, error = subject.time, np.abs(subject.error)
     assert (time[0], time[-1]) == (2.0, 3.0)
     late = np.sum((time - 2.0) * error) * 0.01
     assert subject.metrics.itae == pytest.approx(late, rel=0.02)
-    assert [change.after for change in subject.history.changes] == [5.0]
-    assert subject.settings[1][1].b0 == 4.0  # what held there is known all the same
+    assert [change.after for change in subject.changes] == [5.0]
+    assert subject.gains[1][1] == (1.0, 4.0)  # what held there is known all the same
     with pytest.raises(UserError, match='no row from 9 to'):
-        read_subjects([run], begin=9.0)
+        read_runs([run], begin=9.0)

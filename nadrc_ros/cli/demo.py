@@ -12,7 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.demo.live import Run
-    from nadrc_ros.records.history import History
+    from nadrc_ros.records.recorded_run import RecordedRun
     from nadrc_ros.scenario import Scenario
 
 
@@ -140,7 +140,7 @@ def _figures(run: 'Run') -> dict[str, Any]:
 
 def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
     from nadrc_ros.cli.table import print_columns, Row
-    from nadrc_ros.report.caption import title_of
+    from nadrc_ros.report.marks import title_of
     from rich.text import Text
 
     rows = {
@@ -165,39 +165,30 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
-    from nadrc_ros.records.history import read_history
-    from nadrc_ros.report.caption import title_of
-    from nadrc_ros.report.columns import Trace
-    from nadrc_ros.report.figure import draw, render
-    from nadrc_ros.report.moments import moments_of
+    from nadrc_ros.report.marks import numbered, title_of
+    from nadrc_ros.report.picture import draw, render
     from nadrc_ros.writing import write_whole
 
-    names = ('time', 'reference', 'output', 'command', 'disturbance_estimate')
-    histories = {run: read_history(result.folder) for run, result in runs.items()}
-    traces = {
-        run: Trace(
-            **{column: result.samples[column] for column in names},
-            total_disturbance=_truth(scenario, run, result, histories[run]),
-        )
-        for run, result in runs.items()
-    }
-    moments = moments_of(histories)
-    marks = [moment.mark() for moment in moments]
-    write_whole(path, render(draw(traces, title_of(name, scenario), marks), 'png'))
+    recorded = {run: _recorded(scenario, run, result.folder) for run, result in runs.items()}
+    marks = numbered({run: result.changes for run, result in recorded.items()})
+    figure = draw(recorded, title_of(name, scenario), [each.mark() for each in marks])
+    write_whole(path, render(figure, 'png'))
 
 
-def _truth(scenario: 'Scenario', name: str, run: 'Run', history: 'History') -> Any:
-    """
-    Return L = y^(n) - b0 u for the b0 of the controller; the plant recorded it for its own.
+def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
+    """Read a run with the truth for b0 of the controller, if need be that of the scenario."""
+    import attrs
+    from nadrc_ros.records.read_run import read_run
+    from nadrc_ros.records.recorded_run import referred
 
-    That of the controller is the one of its time in the recording, which no retune meets exactly.
-    """
-    from nadrc_ros.report.timeline import controller_settings, referred
-
-    changes = [(time, settings.b0) for time, settings in controller_settings(history)]
-    changes = changes or [(0.0, scenario.controllers[name].b0)]
-    time, command, truth = (run.samples[k] for k in ('time', 'command', 'total_disturbance'))
-    return referred(time, command, truth, [(0.0, scenario.plant.make().b0)], changes)
+    run = read_run(folder)
+    if run.referred:
+        return run
+    # A short run in lockstep tells no parameters, and b0 of a user's plant is in no record.
+    gains = run.gains[1] or [(0.0, scenario.controllers[name].b0)]
+    plant = [(0.0, scenario.plant.make().b0)]
+    truth = referred(run.time, run.command, run.column('total_disturbance'), plant, gains)
+    return attrs.evolve(run, columns=run.columns | {'total_disturbance': truth})
 
 
 def _write_summary(

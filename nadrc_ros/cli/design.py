@@ -163,7 +163,7 @@ def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
 
 def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
     from nadrc_ros.report.bode import draw_bode
-    from nadrc_ros.report.figure import render
+    from nadrc_ros.report.picture import render
     from nadrc_ros.scenario import dump
     from nadrc_ros.scenario.parameter_files import (
         about_reference,

@@ -81,10 +81,9 @@ def identify(
             check_file(file)
     with reporting(str(run)):
         import attrs
-        from nadrc_ros.records.history import read_history
-        from nadrc_ros.records.outliers import without_outliers
-        from nadrc_ros.records.recorded_run import read_run
-        from nadrc_ros.records.shaping import thinned, unwrapped, window
+        from nadrc_ros.records.read_run import read_run
+        from nadrc_ros.records.recorded_run import window
+        from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
         from nadrc_ros.scenario.files import dump
         from nadrc_ros.scenario.parameter_files import (
             about_reference,
@@ -130,7 +129,7 @@ def identify(
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
         _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)
-        running = running_controller(read_history(run))
+        running = running_controller(recorded.history)
         advice = advise(plant, log, running)
         if b0 is None and running and running.plant_order == plant.order:
             b0 = running.b0

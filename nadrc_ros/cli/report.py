@@ -11,7 +11,7 @@ from nadrc_ros.cli.progress import working
 import typer
 
 if TYPE_CHECKING:
-    from nadrc_ros.report.subject import Subject
+    from nadrc_ros.records.recorded_run import RecordedRun
 
 
 def report(
@@ -49,18 +49,18 @@ def report(
     """
     check_format(static, '--static')
     with reporting():
-        from nadrc_ros.report.subject import read_subjects
+        from nadrc_ros.records.read_run import read_runs
 
         named = {'measurement': measurement, 'command': command, 'reference': reference}
         signals = _topics(topic or []) | {name: v for name, v in named.items() if v}
         with working('reading'):
             where = options.source(namespace, time, time_unit, **signals)
-            subjects = read_subjects(runs, where, begin, end)
-        for subject in subjects.values():
-            if subject.run.told:
-                complain(f'{subject.run.path}: {subject.run.told}')
+            found = read_runs(runs, where, begin, end)
+        for run in found.values():
+            if run.told:
+                complain(f'{run.path}: {run.told}')
         if static is not None:
-            _draw(static, subjects)
+            _draw(static, found)
             if out is None:
                 return
         try:
@@ -73,19 +73,18 @@ def report(
         from nadrc_ros.writing import write_whole
 
         path = out or _beside(runs)
-        write_whole(path, page(subjects).encode())
+        write_whole(path, page(found).encode())
         typer.echo(f'report {path}')
 
 
-def _draw(path: Path, subjects: 'dict[str, Subject]') -> None:
-    from nadrc_ros.report.figure import draw, render
-    from nadrc_ros.report.moments import moments_of
-    from nadrc_ros.report.words import title_of
+def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:
+    from nadrc_ros.report.marks import numbered
+    from nadrc_ros.report.picture import draw, render
+    from nadrc_ros.report.summary import title_of
     from nadrc_ros.writing import write_whole
 
-    traces = {name: subject.trace() for name, subject in subjects.items()}
-    moments = moments_of({name: subject.history for name, subject in subjects.items()})
-    figure = draw(traces, title_of(subjects), [moment.mark() for moment in moments])
+    marks = [each.mark() for each in numbered({name: run.changes for name, run in runs.items()})]
+    figure = draw(runs, title_of(runs), marks)
     write_whole(path, render(figure, path.suffix.lstrip('.')))
     typer.echo(f'picture {path}')
 

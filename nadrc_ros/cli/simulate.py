@@ -78,19 +78,17 @@ def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') 
 
 
 def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
-    from nadrc_ros.report.caption import marks_of, title_of
-    from nadrc_ros.report.columns import trace_of
-    from nadrc_ros.report.figure import draw, render
+    from nadrc_ros.report.marks import retune_marks, title_of
+    from nadrc_ros.report.picture import draw, render
     from nadrc_ros.writing import write_whole
 
-    traces = {run: trace_of(result) for run, result in results.items()}
-    figure = draw(traces, title_of(name, scenario), marks_of(scenario))
+    figure = draw(results, title_of(name, scenario), retune_marks(scenario))
     write_whole(path, render(figure, path.suffix.lstrip('.')))
 
 
 def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
     from nadrc_ros.cli.table import print_figures_of_merit
-    from nadrc_ros.report.caption import title_of
+    from nadrc_ros.report.marks import title_of
 
     metrics = {run: result.metrics for run, result in results.items()}
     settled = scenario.experiment.settled

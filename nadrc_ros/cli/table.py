@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from nadrc_ros.report.figures_of_merit import ROWS, shown, wins
+from nadrc_ros.report.tables import ROWS, shown, wins
 from nadrc_ros.simulation.metrics import MetricValues
 from rich.console import Console
 from rich.table import Table

@@ -244,8 +244,8 @@ def _finish(
     number: Optional[int],
     folder: Path,
 ) -> None:
-    from nadrc_ros.report.caption import title_of
-    from nadrc_ros.report.figure import render
+    from nadrc_ros.report.marks import title_of
+    from nadrc_ros.report.picture import render
     from nadrc_ros.scenario.parameter_files import about_reference
     from nadrc_ros.tuning.search.picture import draw
     from nadrc_ros.tuning.search.result import document, texts, tuned

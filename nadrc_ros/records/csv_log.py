@@ -2,13 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+import re
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.recording import RecordingError
-from nadrc_ros.records.source import Array, guessed, REQUIRED, rows_of, Source
+from nadrc_ros.records.source import Array, REQUIRED, rows_of, Source
 from nadrc_ros.scenario.csv_file import CsvFile, open_csv, Series
 import numpy as np
+
+# Of columns, what people call them: the first that there is only one of counts.
+USUAL = {
+    'time': ('time', 't', 'timestamp', 'stamp', 'seconds', 'zeit', 'date', 'datetime', 'clock'),
+    'command': (
+        *('command', 'cmd', 'u', 'control_effort', 'control', 'effort', 'controller_output', 'co'),
+        *('manipulated_variable', 'mv', 'actuator', 'input', 'pwm', 'duty', 'voltage'),
+    ),
+    'reference': (
+        *('reference', 'ref', 'r', 'setpoint', 'set_point', 'sp', 'target', 'desired', 'goal'),
+        *('sollwert', 'soll'),
+    ),
+    'measurement': (
+        *('measurement', 'measured', 'meas', 'y', 'state', 'process_variable', 'pv', 'feedback'),
+        *('output', 'actual', 'sensor', 'istwert', 'ist', 'position', 'speed', 'velocity'),
+        *('temperature', 'height', 'rpm'),
+    ),
+}
 
 
 def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], float, str]:
@@ -71,3 +91,39 @@ def _told(
     if not known and not series.dated:
         told += f'; {time} has no unit, and seconds are assumed: if not, --time-unit ms'
     return told + ('; the last row was cut short and is left out' if series.cut else '')
+
+
+def guessed(names: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
+    """
+    Return the columns by signal: those that were given, and those of a usual name.
+
+    Raises
+    ------
+    RecordingError
+        When time, measurement or command are not among them.
+
+    """
+    free = [name for name in names if name not in given.values()]
+    found = dict(given)
+    for signal, usual in USUAL.items():
+        if signal in found:
+            continue
+        for word in usual:
+            called = [name for name in free if _word(name) == word]
+            if len(called) == 1:
+                found[signal] = called[0]
+                free.remove(called[0])
+                break
+    for signal in ('time', *REQUIRED):
+        if signal not in found:
+            left = ', '.join(free) or 'no column is left'
+            raise RecordingError(f'which column is the {signal}? name it with --{signal}: {left}')
+    return found
+
+
+def _word(name: str) -> str:
+    """Return the last part of a name that says something, in lower case and without a unit."""
+    bare = re.sub(r'\s*[\[(].*[\])]$', '', name.strip().lower())
+    parts = [part for part in re.split(r'[/.]', bare) if part not in ('', 'data')]
+    word = re.sub(r'[\s-]+', '_', parts[-1].strip('_ ')) if parts else ''
+    return re.sub(r'_(s|sec|ms|us|ns|min)$', '', word)

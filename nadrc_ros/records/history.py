@@ -11,25 +11,33 @@ lack any of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 import json
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import attrs
-from nadrc_ros.adrc.settings import LARGEST, SMALLEST
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
 from nadrc_ros.records.recording import RecordingError
+from nadrc_ros.simulation.plants import PLANTS
 from nadrc_ros.writing import write_json
 
 ABOUT = 'about.json'
 PARAMETERS = 'parameters.jsonl'
 EVENTS = 'events.jsonl'
-# What tells the controller of this package from other nodes.
+# What tells the controller and the plant of this package from other nodes.
 CONTROLLER = {'structure', 'inner_bandwidth'}
+PLANT = {'plant', 'noise_variance'}
 LIMITS = ('command_min', 'command_max')
 
+T = TypeVar('T')
 Values = dict[str, Any]
+# What holds, each with the time [s] from which on.
+Steps = list[tuple[float, T]]
 
 
 @attrs.frozen
@@ -72,6 +80,31 @@ class History:
             elif repr(value) != repr(known[name]):  # nan is not equal to itself
                 self.changes.append(Change(time, node, name, known[name], value))
         known |= values
+
+    def controller_settings(self) -> Steps[ControllerSettings]:
+        """Return the settings of the controller, each with the time [s] from which it held."""
+        return self._steps(CONTROLLER, partial(_built, ControllerSettings))
+
+    def plant_gain(self) -> Steps[float]:
+        """
+        Return b0 of the simulated plant, from each time [s] on.
+
+        Nothing for a user's plant: who reads a record does not run the code that it names.
+        """
+        return self._steps(PLANT, _plant_b0)
+
+    def _steps(self, marks: set[str], make: Callable[[Mapping[str, Any]], T | None]) -> Steps[T]:
+        """Return what is made of the parameters of the node that has the marks, from each time."""
+        node = next((n for n, values in self.parameters.items() if marks <= values.keys()), None)
+        if node is None:
+            return []
+        values = dict(self.parameters[node])
+        found = [(0.0, make(values))]
+        for change in self.changes:
+            if change.node == node:
+                values[change.name] = change.after
+                found.append((change.time, make(values)))
+        return [(time, made) for time, made in found if made is not None]
 
     def command_limits(self) -> tuple[float, float] | None:
         """Return the limits of the command that held all the time, None where nobody knows."""
@@ -163,3 +196,22 @@ def _record(place: int, line: str) -> tuple[float | None, str, Values]:
     if not (finite and isinstance(node, str) and isinstance(values, dict)):
         raise RecordingError(f'{PARAMETERS}, line {place}: not time, node and values')
     return time, node, values
+
+
+def _plant_b0(values: Mapping[str, Any]) -> float | None:
+    plant = PLANTS.get(str(values['plant']))
+    made = None if plant is None else _built(plant, values)
+    return None if made is None else float(made.b0)
+
+
+def _built(cls: Callable[..., T], values: Mapping[str, Any]) -> T | None:
+    """Return the object of the values it has, None where another version means another thing."""
+    own = {
+        name: tuple(value) if isinstance(value := values[name], list) else value
+        for name in declared(cls)  # type: ignore[arg-type]
+        if name in values
+    }
+    try:
+        return cls(**own)
+    except (UserError, TypeError, ValueError):
+        return None

@@ -1,35 +1,30 @@
-"""One recorded run as rows of one time: a folder of the recorder, a rosbag2 bag or a CSV file."""
+"""A recorded run as it was read, and all that follows from it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from functools import cached_property
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 import attrs
-from nadrc_ros.records.bags import is_bag, read_bag
-from nadrc_ros.records.csv_log import read_csv_log
-from nadrc_ros.records.recording import (
-    NEEDED,
-    read_samples,
-    read_settings,
-    read_summary,
-    RecordingError,
-    SAMPLES,
-    stop_of,
-)
-from nadrc_ros.records.source import Source
+from nadrc_ros.records.figures import Figures
+from nadrc_ros.records.history import Change, Event, History
+from nadrc_ros.records.recording import RecordingError, RunSettings
+from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-OWN = Source()
+# Share of a log that is not yet settled, where nobody said when it is.
+START = 0.1
 
 
-@attrs.frozen(kw_only=True, eq=False)
+@attrs.frozen(kw_only=True, eq=False, slots=False)
 class RecordedRun:
     """
-    What was recorded of one loop.
+    What was recorded of one loop; arrays have a value for each row, (N,), nan where there is none.
 
     Attributes
     ----------
@@ -38,15 +33,21 @@ class RecordedRun:
     rate
         Measurements per second [Hz]: the nominal rate, for a bag the one of its receipt times.
     columns
-        Arrays (N,) by the names of ``samples.csv``, nan where a value is missing: ``time`` [s],
-        ``reference``, ``measurement``, ``command`` always, others if they were recorded. A
-        measurement that was lost leaves a gap in ``time`` and has no row.
+        By the names of ``samples.csv``: ``time`` [s], ``reference``, ``measurement``, ``command``
+        always, others if they were recorded. A measurement that was lost leaves a gap in ``time``
+        and has no row.
     stop
         Until when the log goes on [s], with rows or without.
     summary
         The recorder's summary, empty if there is none.
     told
         How a file was understood that does not say so itself, '' for others.
+    figures
+        What a recorder of this package was asked its figures of merit to be, None for other logs.
+    history
+        What was recorded besides the samples.
+    part
+        Whether it is a part of what was recorded: figures and events are those of its time.
 
     """
 
@@ -56,80 +57,195 @@ class RecordedRun:
     columns: dict[str, Array]
     summary: dict[str, Any]
     told: str = ''
+    figures: RunSettings | None = None
+    history: History = attrs.field(factory=History)
+    part: bool = False
+
+    def column(self, name: str) -> Array:
+        """Return a column, not-a-number where it was not recorded."""
+        return self.columns.get(name, np.full(len(self.time), np.nan))
+
+    @property
+    def time(self) -> Array:
+        """Return the time of each row [s]."""
+        return self.columns['time']
+
+    @property
+    def reference(self) -> Array:
+        """Return the reference of each row."""
+        return self.columns['reference']
+
+    @property
+    def command(self) -> Array:
+        """Return the command of each row."""
+        return self.columns['command']
+
+    @property
+    def output(self) -> Array:
+        """Return the true output, or the measurement where there is none."""
+        output = self.column('output')
+        return np.where(np.isnan(output), self.columns['measurement'], output)
+
+    @property
+    def knows_output(self) -> bool:
+        """Tell whether the true output is known, not the measurement alone."""
+        return bool(np.isfinite(self.column('output')).any())
+
+    @property
+    def disturbance_estimate(self) -> Array:
+        """Return the sum of the levels."""
+        return self.column('disturbance_estimate')
+
+    @property
+    def levels(self) -> list[str]:
+        """Return the names of the columns of the levels that have numbers."""
+        names = [name for name in self.columns if name.startswith('level_')]
+        return [name for name in names if np.isfinite(self.columns[name]).any()]
+
+    @property
+    def error(self) -> Array:
+        """Return the error of the figures of merit."""
+        followed = self.column('tracking')
+        if self.figure_settings.error == 'reference':
+            followed = np.where(np.isnan(self.reference), followed, self.reference)
+        return followed - self.output
+
+    # ---- besides the samples ----
+
+    @property
+    def changes(self) -> list[Change]:
+        """Return the changes of parameters on the way, those during a part of a run."""
+        first, last = self.time[0], self.time[-1]
+        found = self.history.changes
+        return [each for each in found if not self.part or first <= each.time <= last]
+
+    @property
+    def events(self) -> list[Event]:
+        """Return what happened before and during the run, that during a part of a run."""
+        first, last = self.time[0], self.time[-1]
+        found = self.history.events
+        return [
+            e for e in found if not self.part or (e.time is not None and first <= e.time <= last)
+        ]
+
+    @cached_property
+    def gains(self) -> tuple[Sequence[tuple[float, float]], Sequence[tuple[float, float]]]:
+        """Return b0 of plant and controller with the times [s] from which they held, if known."""
+        settings = self.history.controller_settings()
+        return self.history.plant_gain(), [(time, each.b0) for time, each in settings]
+
+    @property
+    def referred(self) -> bool:
+        """Tell whether :attr:`total_disturbance` is that for the b0 of the controller."""
+        return all(self.gains)
+
+    @cached_property
+    def total_disturbance(self) -> Array:
+        """Return the truth, y^(n) - b0 u, for b0 of the controller, or of the plant if unknown."""
+        truth = self.column('total_disturbance')
+        return referred(self.time, self.command, truth, *self.gains) if self.referred else truth
+
+    # ---- figures ----
+
+    @property
+    def figure_settings(self) -> RunSettings:
+        """Return what the figures of merit are asked to be."""
+        return self.figures or RunSettings(settle_time=START * float(self.time[-1] - self._start))
+
+    @property
+    def metrics(self) -> MetricValues:
+        """Return the figures of merit, from the samples: those of the recorder, to the bit."""
+        return self._sums.values()
+
+    @property
+    def gap_time(self) -> float:
+        """Return the time that no figure counts, as nothing is known of it [s]."""
+        return self._sums.gap_time
+
+    def figure_of_merit(self, name: str) -> float | None:
+        """Return one of the figures, None where the run does not tell it."""
+        value = float(getattr(self.metrics, name))
+        return None if isnan(value) else value
+
+    @property
+    def gaps(self) -> int:
+        """Return how many periods have no measurement."""
+        measured = self.time[np.isfinite(self.columns['measurement'])]
+        periods = np.rint(np.diff(measured) * self.rate).sum()
+        if measured.size:  # one at the very end is not of this run any more
+            periods += max(0.0, np.rint((self.stop - measured[-1]) * self.rate) - 1.0)
+        return max(0, int(periods) + 1 - len(measured))
+
+    @property
+    def latency(self) -> Array:
+        """Return the times from a measurement to the command in reply [s], where there was one."""
+        between = self.column('command_stamp') - self.column('measurement_stamp')
+        return np.asarray(between[between >= 0.0])
+
+    @property
+    def periods(self) -> Array:
+        """Return the times between measurements that followed each other [s], by their stamps."""
+        spans = np.diff(self.column('measurement_stamp'))
+        followed = np.rint(np.diff(self.time) * self.rate) == 1.0
+        return np.asarray(spans[followed & np.isfinite(spans)])
+
+    @property
+    def _start(self) -> float:
+        return float(self.time[0]) if self.part else 0.0
+
+    @cached_property
+    def _sums(self) -> Figures:
+        found = Figures(self.figure_settings, self.history)
+        columns = {name: values.tolist() for name, values in self.columns.items()}
+        for row in zip(*columns.values()):
+            values = dict(zip(columns, row))
+            found.add(values['time'] - self._start, values)
+        found.end(self.stop - self._start)
+        return found
 
 
-def read_run(path: Path, source: Source = OWN) -> RecordedRun:
+def window(run: RecordedRun, begin: float | None, end: float | None) -> RecordedRun:
     """
-    Read a run from a folder with ``samples.csv``, a bag's folder or file, or a CSV file.
-
-    Parameters
-    ----------
-    path
-        Where it is.
-    source
-        Where its signals are, if it is not a folder of the recorder.
+    Return the rows from ``begin`` to ``end`` [s], with their times; all of them without these.
 
     Raises
     ------
     RecordingError
-        When that is no run or it has no samples, in one sentence without the path.
-    OSError
-        For a file that cannot be read.
+        When there are none.
 
     """
-    summary, told = {}, ''
-    if (path / SAMPLES).is_file():
-        if source != OWN:
-            raise RecordingError(
-                f'{SAMPLES} has columns of known names; topics and columns are those of other logs'
-            )
-        columns, summary = _columns(path), read_summary(path)
-        stop = stop_of(summary) or 0.0
-        rate = read_settings(path).rate or _rate(_measured(columns))
-    elif path.exists() and is_bag(path):
-        columns, stop = read_bag(path, source)
-        rate = _rate(_measured(columns))
-    elif path.is_file():
-        columns, stop, told = read_csv_log(path, source)
-        rate = _rate(_measured(columns))
-    elif path.exists():
+    if begin is None and end is None:
+        return run
+    time = run.time
+    low, high = time[0] if begin is None else begin, run.stop if end is None else end
+    inside = (time >= low) & (time <= high)
+    if not inside.any():
         raise RecordingError(
-            f'neither a folder with {SAMPLES} nor a rosbag2 bag (.db3, .mcap) nor a CSV file'
+            f'no row from {low:g} to {high:g} s: the run has {time[0]:g} to {time[-1]:g} s'
         )
-    else:
-        raise RecordingError('there is no such file or folder')
-    columns.setdefault('reference', np.full(len(columns['time']), np.nan))
-    return RecordedRun(
-        path=path,
-        rate=rate,
-        stop=max(stop, float(columns['time'][-1])),
-        columns=columns,
-        summary=summary,
-        told=told,
-    )
+    columns = {name: column[inside] for name, column in run.columns.items()}
+    return attrs.evolve(run, stop=min(run.stop, high), columns=columns, part=True)
 
 
-def _columns(folder: Path) -> dict[str, Array]:
-    columns = {name: np.array(values) for name, values in read_samples(folder).items()}
-    for name in ('time', *NEEDED):
-        if name not in columns:
-            raise RecordingError(f'{SAMPLES}: no column {name}')
-    if not columns['time'].size:
-        raise RecordingError(f'{SAMPLES}: no samples')
-    if not (np.isfinite(columns['time']).all() and (np.diff(columns['time']) > 0.0).all()):
-        raise RecordingError(f'{SAMPLES}: the times do not increase')
-    return columns
+def referred(
+    time: npt.ArrayLike,
+    command: npt.ArrayLike,
+    truth: npt.ArrayLike,
+    plant: Sequence[tuple[float, float]],
+    controller: Sequence[tuple[float, float]],
+) -> Array:
+    """
+    Return the total disturbance for the b0 of the controller, L = y^(n) - b0 u.
+
+    ``truth`` is the same for the b0 of the plant; ``plant`` and ``controller`` hold both gains
+    with the times [s] from which they held.
+    """
+    gain = sampled(plant, time) - sampled(controller, time)
+    return np.asarray(np.asarray(truth) + gain * np.asarray(command))
 
 
-def _measured(columns: Mapping[str, Array]) -> Array:
-    """Return the times of rows with a measurement, of all where there are hardly any."""
-    measured = columns['time'][np.isfinite(columns['measurement'])]
-    return measured if measured.size > 1 else columns['time']
-
-
-def _rate(time: Array) -> float:
-    """Return the rate [Hz] of times with jitter and gaps: periods counted over the time taken."""
-    steps = np.diff(time)
-    if not steps.size or np.median(steps) <= 0.0:
-        raise RecordingError('too few measurements to tell their rate')
-    return float(np.rint(steps / np.median(steps)).sum() / steps.sum())
+def sampled(steps: Sequence[tuple[float, float]], time: npt.ArrayLike) -> Array:
+    """Return what holds at each time [s]; before the first step that one."""
+    starts = np.array([start for start, _ in steps])
+    values = np.array([value for _, value in steps])
+    return np.asarray(values[np.maximum(np.searchsorted(starts, time, 'right') - 1, 0)])

@@ -1,4 +1,4 @@
-"""What is made of a recorded run before it is used: a part of it, a turning angle, fewer rows."""
+"""What is made of a log before a plant is sought: wrong rows, turning angles, fewer rows."""
 
 from __future__ import annotations
 
@@ -6,9 +6,16 @@ from math import ceil, pi
 
 import attrs
 from nadrc_ros.records.recorded_run import Array, RecordedRun
-from nadrc_ros.records.recording import RecordingError
 import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import median_filter
 
+Marks = npt.NDArray[np.bool_]
+# So many rows in a row may be wrong.
+LONGEST_BURST = 10
+# Up to that share of the rows is suspected at first.
+SUSPECTED = 0.25
+NAMED = 3
 # What a reading that starts again counts to: rad, degrees, turns, encoders.
 PERIODS = {2.0 * pi: '6.283185307179586', 360.0: '360', 1.0: '1'} | {
     float(2**bits): str(2**bits) for bits in range(8, 25)
@@ -21,27 +28,6 @@ ANGLES = ('reference', 'output', 'tracking', 'output_estimate')
 # Between two rows that are kept the output may miss their straight line by that share of its span
 # and that of its noise: with five times more, b0 of a plant of order 2 was off by half a percent.
 BEND, BEND_IN_NOISE = 2e-4, 0.2
-
-
-def window(run: RecordedRun, begin: float | None, end: float | None) -> RecordedRun:
-    """
-    Return the rows from ``begin`` to ``end`` [s], with their times.
-
-    Raises
-    ------
-    RecordingError
-        When there are none.
-
-    """
-    time = run.columns['time']
-    low, high = time[0] if begin is None else begin, run.stop if end is None else end
-    inside = (time >= low) & (time <= high)
-    if not inside.any():
-        raise RecordingError(
-            f'no row from {low:g} to {high:g} s: the run has {time[0]:g} to {time[-1]:g} s'
-        )
-    columns = {name: column[inside] for name, column in run.columns.items()}
-    return attrs.evolve(run, stop=min(run.stop, high), columns=columns)
 
 
 def wrap_of(values: Array) -> float | None:
@@ -111,3 +97,45 @@ def _bends(motion: Array, every: int) -> bool:
     span = float(np.nanmax(motion) - np.nanmin(motion))
     allowed = (BEND * span) ** 2 + BEND_IN_NOISE**2 * noise
     return float(np.mean(bend**2)) - 1.5 * noise > allowed
+
+
+def outliers(values: Array) -> Marks:
+    """
+    Tell which of some values, all known, no value near in time allows for.
+
+    Where the largest step of a signal is M, a value is at most K M from the median of itself and
+    K neighbours on either side, however the signal moves. Outliers are those, at most K in a row,
+    that are farther from it, M being the largest step of all others: what remains of the suspects
+    when M grows by those that are cleared.
+    """
+    if len(values) <= 2 * LONGEST_BURST:
+        return np.zeros(len(values), dtype=bool)
+    away = np.abs(values - median_filter(values, 2 * LONGEST_BURST + 1, mode='mirror'))
+    usual = LONGEST_BURST * float(np.median(np.abs(np.diff(values))))
+    found: Marks = away > max(float(np.quantile(away, 1.0 - SUSPECTED)), usual)
+    while found.any():
+        largest = float(np.max(np.abs(np.diff(values[~found]))))
+        kept = found & (away > LONGEST_BURST * largest)
+        if (kept == found).all():
+            break
+        found = kept
+    return found
+
+
+def without_outliers(run: RecordedRun) -> tuple[RecordedRun, str]:
+    """Return the run with outliers of the measurement as unknown, and which they are, in words."""
+    measured = run.columns['measurement'].copy()
+    known = np.flatnonzero(np.isfinite(measured))
+    wrong = known[outliers(measured[known])]
+    if not wrong.size:
+        return run, ''
+    named = ', '.join(
+        f'{measured[row]:.6g} at {run.columns["time"][row]:.10g} s' for row in wrong[:NAMED]
+    )
+    more = f' and {wrong.size - NAMED} more' if wrong.size > NAMED else ''
+    measured[wrong] = np.nan
+    told = (
+        f'the measurement {named}{more} is farther from those before and after than all others '
+        'move: left out'
+    )
+    return attrs.evolve(run, columns=run.columns | {'measurement': measured}), told

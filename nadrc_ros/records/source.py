@@ -1,10 +1,9 @@
-"""The signals of a log that is not the recorder's: what they are called, and as rows of a run."""
+"""The signals of a log that is not the recorder's: where they are, and as rows of a run."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Mapping
-import re
 
 import attrs
 from nadrc_ros.adrc.settings import MAX_LEVELS
@@ -19,23 +18,6 @@ LEVELS = tuple(f'level_{k}' for k in range(1, MAX_LEVELS + 1))
 SIGNALS = (*NEEDED, *TRUTH, *ESTIMATES, *LEVELS)
 # Samples of a log that are made rows together.
 AT_ONCE = 10_000
-# Of columns, what people call them: the first that there is only one of counts.
-USUAL = {
-    'time': ('time', 't', 'timestamp', 'stamp', 'seconds', 'zeit', 'date', 'datetime', 'clock'),
-    'command': (
-        *('command', 'cmd', 'u', 'control_effort', 'control', 'effort', 'controller_output', 'co'),
-        *('manipulated_variable', 'mv', 'actuator', 'input', 'pwm', 'duty', 'voltage'),
-    ),
-    'reference': (
-        *('reference', 'ref', 'r', 'setpoint', 'set_point', 'sp', 'target', 'desired', 'goal'),
-        *('sollwert', 'soll'),
-    ),
-    'measurement': (
-        *('measurement', 'measured', 'meas', 'y', 'state', 'process_variable', 'pv', 'feedback'),
-        *('output', 'actual', 'sensor', 'istwert', 'ist', 'position', 'speed', 'velocity'),
-        *('temperature', 'height', 'rpm'),
-    ),
-}
 
 
 @attrs.frozen(kw_only=True)
@@ -65,42 +47,6 @@ class Source:
         for name in self.signals:
             if name not in SIGNALS:
                 raise RecordingError(f'{name} is no signal; those are {", ".join(SIGNALS)}')
-
-
-def guessed(names: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
-    """
-    Return the columns by signal: those that were given, and those of a usual name.
-
-    Raises
-    ------
-    RecordingError
-        When time, measurement or command are not among them.
-
-    """
-    free = [name for name in names if name not in given.values()]
-    found = dict(given)
-    for signal, usual in USUAL.items():
-        if signal in found:
-            continue
-        for word in usual:
-            called = [name for name in free if _word(name) == word]
-            if len(called) == 1:
-                found[signal] = called[0]
-                free.remove(called[0])
-                break
-    for signal in ('time', *REQUIRED):
-        if signal not in found:
-            left = ', '.join(free) or 'no column is left'
-            raise RecordingError(f'which column is the {signal}? name it with --{signal}: {left}')
-    return found
-
-
-def _word(name: str) -> str:
-    """Return the last part of a name that says something, in lower case and without a unit."""
-    bare = re.sub(r'\s*[\[(].*[\])]$', '', name.strip().lower())
-    parts = [part for part in re.split(r'[/.]', bare) if part not in ('', 'data')]
-    word = re.sub(r'[\s-]+', '_', parts[-1].strip('_ ')) if parts else ''
-    return re.sub(r'_(s|sec|ms|us|ns|min)$', '', word)
 
 
 def rows_of(

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
-from nadrc_ros.report.columns import Array
-from nadrc_ros.report.figure import COLOURS, GREY, INK, STYLE
+from nadrc_ros.records.recorded_run import Array
+from nadrc_ros.report.picture import COLOURS, GREY, INK, STYLE
 import numpy as np
 import numpy.typing as npt
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from nadrc_ros.report import distributions, tables
+from nadrc_ros.records.recorded_run import RecordedRun
+from nadrc_ros.report import tables
+from nadrc_ros.report.marks import numbered, NumberedChanges
 from nadrc_ros.report.markup import document, heading, paragraph, verdict
-from nadrc_ros.report.moments import Moment, moments_of
 from nadrc_ros.report.plots import Plot, Plotter
-from nadrc_ros.report.subject import Subject
-from nadrc_ros.report.words import summary_of, title_of
+from nadrc_ros.report.summary import summary_of, title_of
 import numpy as np
 from plotly.offline import get_plotlyjs
 
@@ -25,27 +25,27 @@ NO_STAMPS = (
 NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
 
 
-def page(subjects: Mapping[str, Subject]) -> str:
+def page(runs: Mapping[str, RecordedRun]) -> str:
     """Return the whole page on these runs, by name."""
-    moments = moments_of({name: subject.history for name, subject in subjects.items()})
-    plotter = Plotter(subjects, moments)
+    moments = numbered({name: run.changes for name, run in runs.items()})
+    plotter = Plotter(runs, moments)
     sections = {
-        'figures': ('Figures of merit', tables.figures_of_merit(subjects)),
-        'changes': ('Changes on the way', _changes(moments, list(subjects))),
-        'events': ('What happened', tables.events(subjects)),
+        'figures': ('Figures of merit', tables.figures_of_merit(runs)),
+        'changes': ('Changes on the way', _changes(moments, list(runs))),
+        'events': ('What happened', tables.events(runs)),
         'output': ('Output and reference', _plot(plotter.output())),
-        'error': ('Error', _note(_which_error(subjects)) + _plot(plotter.error())),
+        'error': ('Error', _note(_which_error(runs)) + _plot(plotter.error())),
         'command': ('Command', _plot(plotter.command())),
         'disturbance': ('Disturbance', _disturbance(plotter)),
         'spectrum': ('Spectrum of the command', _spectrum(plotter)),
         'timing': ('Latency and period', _timing(plotter)),
-        'parameters': ('Parameters', _parameters(subjects)),
-        'origin': ('Origin', tables.origin(subjects)),
+        'parameters': ('Parameters', _parameters(runs)),
+        'origin': ('Origin', tables.origin(runs)),
     }
     there = {name: section for name, section in sections.items() if section[1]}
     links = (f'<a href="#{name}">{title}</a>' for name, (title, _) in there.items())
-    title = title_of(subjects)
-    body = [f'<h1>{escape(title)}</h1>\n', verdict(summary_of(subjects, moments))]
+    title = title_of(runs)
+    body = [f'<h1>{escape(title)}</h1>\n', verdict(summary_of(runs, moments))]
     body += [f'<nav>{" ".join(links)}</nav>\n']
     body += [heading(title, name) + content for name, (title, content) in there.items()]
     return document(title, ''.join(body) + _scripts(), f'<style>{_text("report.css")}</style>\n')
@@ -73,7 +73,7 @@ def _plot(plot: Plot) -> str:
     )
 
 
-def _changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
+def _changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
     if not moments:
         return ''
     count = sum(len(moment.changes) for moment in moments)
@@ -85,8 +85,8 @@ def _changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
     )
 
 
-def _which_error(subjects: Mapping[str, Subject]) -> str:
-    kinds = {subject.figures.error for subject in subjects.values()}
+def _which_error(runs: Mapping[str, RecordedRun]) -> str:
+    kinds = {run.figure_settings.error for run in runs.values()}
     if kinds == {'reference'}:
         return 'Reference minus output, as in the figures of merit.'
     if kinds == {'tracking'}:
@@ -96,18 +96,18 @@ def _which_error(subjects: Mapping[str, Subject]) -> str:
 
 def _disturbance(plotter: Plotter) -> str:
     parts = []
-    for name, subject in plotter.subjects.items():
+    for name, run in plotter.runs.items():
         plot = plotter.disturbance(name)
         if plot.figure.data:
-            parts.append(f'<h3>{escape(name)}</h3>\n' if len(plotter.subjects) > 1 else '')
-            parts += [_plot(plot), _note(_which_truth(subject))]
+            parts.append(f'<h3>{escape(name)}</h3>\n' if len(plotter.runs) > 1 else '')
+            parts += [_plot(plot), _note(_which_truth(run))]
     return ''.join(parts) or paragraph(NO_DISTURBANCE)
 
 
-def _which_truth(subject: Subject) -> str:
-    if not np.isfinite(subject.truth).any():
+def _which_truth(run: RecordedRun) -> str:
+    if not np.isfinite(run.total_disturbance).any():
         return 'Nobody published the true disturbance.'
-    if subject.referred:
+    if run.referred:
         return (
             'The truth is y<sup>(n)</sup> − b<sub>0</sub> u for b<sub>0</sub> of the controller.'
         )
@@ -118,26 +118,26 @@ def _which_truth(subject: Subject) -> str:
 
 
 def _spectrum(plotter: Plotter) -> str:
-    plot = distributions.spectrum(plotter)
+    plot = plotter.spectrum()
     if plot is None:
         return paragraph(NO_SPECTRUM)
-    known = any(subject.settings for subject in plotter.subjects.values())
+    known = any(run.gains[1] for run in plotter.runs.values())
     marks = 'The bandwidths of controller and observers are marked.' if known else ''
     return _note(f'Power spectral density by Welch, on logarithmic axes. {marks}') + _plot(plot)
 
 
 def _timing(plotter: Plotter) -> str:
-    subjects = plotter.subjects.items()
+    runs = plotter.runs.items()
     kinds = (
         (
             'From a measurement to the command in reply',
-            distributions.latency(plotter),
-            {name: subject.latency for name, subject in subjects},
+            plotter.latency(),
+            {name: run.latency for name, run in runs},
         ),
         (
             'From a measurement to the next',
-            distributions.period(plotter),
-            {name: subject.periods for name, subject in subjects},
+            plotter.period(),
+            {name: run.periods for name, run in runs},
         ),
     )
     parts = [
@@ -150,11 +150,11 @@ def _timing(plotter: Plotter) -> str:
     return ''.join(parts) + _note('By the stamps with which the samples left their publishers.')
 
 
-def _parameters(subjects: Mapping[str, Subject]) -> str:
-    everything = tables.parameters(subjects, different=False)
+def _parameters(runs: Mapping[str, RecordedRun]) -> str:
+    everything = tables.parameters(runs, different=False)
     if not everything:
         return paragraph(NO_PARAMETERS)
-    different = tables.parameters(subjects, different=True) if len(subjects) > 1 else ''
+    different = tables.parameters(runs, different=True) if len(runs) > 1 else ''
     intro = 'Those in which the runs differ at their start:' if different else ''
     folded = f'<details><summary>All parameters</summary>{everything}</details>\n'
     return _note(intro) + different + folded

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import cycle
+from math import pi
 from typing import Any
 
 import attrs
-from nadrc_ros.report.columns import Array
-from nadrc_ros.report.figure import COLOURS, frame, GREY, INK
-from nadrc_ros.report.moments import Moment
-from nadrc_ros.report.subject import Subject
-from nadrc_ros.report.thinning import kept
+from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.report.curves import bandwidths, bins, command_spectrum, frame, kept
+from nadrc_ros.report.marks import NumberedChanges
+from nadrc_ros.report.picture import COLOURS, GREY, INK
 import numpy as np
 from plotly import graph_objects as go
 
@@ -41,17 +41,19 @@ class Plot:
 class Plotter:
     """Draws runs, each in its colour, with the moments at which something was changed."""
 
-    def __init__(self, subjects: Mapping[str, Subject], moments: Sequence[Moment]) -> None:
-        self.subjects = subjects
+    def __init__(
+        self, runs: Mapping[str, RecordedRun], moments: Sequence[NumberedChanges]
+    ) -> None:
+        self.runs = runs
         self._moments = moments[:MARKED]
         self._looks = {
             name: {'color': colour, 'dash': dash, 'width': 1.5}
-            for name, colour, dash in zip(subjects, cycle(COLOURS), cycle(DASHES))
+            for name, colour, dash in zip(runs, cycle(COLOURS), cycle(DASHES))
         }
-        lines = sum(6 + len(subject.levels) for subject in subjects.values())
+        lines = sum(6 + len(run.levels) for run in runs.values())
         self._points = max(FEWEST, POINTS // lines)
-        ends = [float(subject.time[-1]) for subject in subjects.values()]
-        starts = [float(subject.time[0]) for subject in subjects.values()]
+        ends = [float(run.time[-1]) for run in runs.values()]
+        starts = [float(run.time[0]) for run in runs.values()]
         self._span = min(starts), max(*ends, min(starts) + 1e-3)
 
     def colour(self, name: str) -> str:
@@ -61,56 +63,132 @@ class Plotter:
     def output(self) -> Plot:
         """Return outputs, references and, hidden at first, measurements."""
         figure = self._timed('output y and reference r')
-        first = next(iter(self.subjects))
-        for name, subject in self.subjects.items():
+        first = next(iter(self.runs))
+        for name, run in self.runs.items():
             one = {'legendgroup': 'reference', 'showlegend': name == first}
-            self._line(figure, subject, 'reference', subject.column('reference'), REFERENCE, **one)
-        true = [name for name, subject in self.subjects.items() if subject.knows_output]
-        for name, subject in self.subjects.items():
+            self._line(figure, run, 'reference', run.column('reference'), REFERENCE, **one)
+        true = [name for name, run in self.runs.items() if run.knows_output]
+        for name, run in self.runs.items():
             label = name if name in true else f'{name}, measurement'
-            self._line(figure, subject, label, subject.output, self._looks[name])
-        for name, subject in self.subjects.items():
+            self._line(figure, run, label, run.output, self._looks[name])
+        for name, run in self.runs.items():
             if name not in true:
                 continue  # the measurement is there already
             one = {'legendgroup': 'measurement', 'showlegend': name == true[0]}
             thin = {'color': self.colour(name), 'width': 0.8}
-            measured = subject.run.columns['measurement']
-            self._line(figure, subject, 'measurement', measured, thin, visible='legendonly', **one)
+            measured = run.columns['measurement']
+            self._line(figure, run, 'measurement', measured, thin, visible='legendonly', **one)
         return Plot(figure)
 
     def error(self) -> Plot:
         """Return the errors that the figures of merit are made of."""
-        return self._each('error e', {name: s.error for name, s in self.subjects.items()})
+        return self._each('error e', {name: s.error for name, s in self.runs.items()})
 
     def command(self) -> Plot:
         """Return the commands, held over each period."""
         return self._each(
-            'command u', {name: s.command for name, s in self.subjects.items()}, shape='hv'
+            'command u', {name: s.command for name, s in self.runs.items()}, shape='hv'
         )
 
     def disturbance(self, name: str) -> Plot:
         """Return the estimate of a run, level by level, and the truth where there is one."""
-        subject = self.subjects[name]
+        run = self.runs[name]
         figure = self._timed('total disturbance')
         lines = {
-            'truth': (subject.truth, {'color': INK, 'width': 1.2}),
-            'estimate': (subject.column('disturbance_estimate'), self._looks[name]),
+            'truth': (run.total_disturbance, {'color': INK, 'width': 1.2}),
+            'estimate': (run.column('disturbance_estimate'), self._looks[name]),
         }
-        if len(subject.levels) > 1:
-            for level, colour, dash in zip(subject.levels, cycle(LEVEL_COLOURS), cycle(LEVELS)):
+        if len(run.levels) > 1:
+            for level, colour, dash in zip(run.levels, cycle(LEVEL_COLOURS), cycle(LEVELS)):
                 look = {'color': colour, 'width': 1.2, 'dash': dash}
-                lines[level.replace('_', ' ')] = subject.run.columns[level], look
+                lines[level.replace('_', ' ')] = run.columns[level], look
         shown = {label: line for label, line in lines.items() if np.isfinite(line[0]).any()}
         for label, (values, look) in shown.items():
-            self._line(figure, subject, label, values, look)
-        return self._framed(figure, [(subject.time, values) for values, _ in shown.values()])
+            self._line(figure, run, label, values, look)
+        return self._framed(figure, [(run.time, values) for values, _ in shown.values()])
+
+    def spectrum(self) -> Plot | None:
+        """Return the spectra of the commands with the bandwidths, None where runs are short."""
+        figure = base('density of u [u²/Hz]', 'frequency [Hz]')
+        figure.update_xaxes(type='log', exponentformat='power', dtick=1)
+        figure.update_yaxes(type='log', exponentformat='power', dtick=1)
+        for name, run in self.runs.items():
+            found = command_spectrum(run.time, run.command, run.rate)
+            if found is not None and (found[1] > 0.0).any():
+                figure.add_scatter(
+                    x=found[0],
+                    y=np.where(found[1] > 0.0, found[1], np.nan),
+                    mode='lines',
+                    name=escape(name, quote=False),
+                    line={'color': self.colour(name), 'width': 1.5},
+                    hovertemplate='%{x:.4g} Hz: %{y:.4g}',
+                )
+        if not figure.data:
+            return None
+        for each in bandwidths(self.runs):
+            common = len(each.runs) == len(self.runs)
+            colour = INK if common else self.colour(next(iter(each.runs)))
+            frequency = each.value / (2.0 * pi)
+            figure.add_vline(frequency, line={'color': colour, 'width': 1, 'dash': 'dash'})
+            figure.add_annotation(
+                x=np.log10(frequency),
+                y=0.02,
+                yref='paper',
+                text=f'{", ".join(each.names)}: {each.value:g} rad/s',
+                font={'color': colour, 'size': 11},
+                bgcolor='rgba(255,255,255,0.8)',
+                textangle=-90,
+                xanchor='right',
+                yanchor='bottom',
+                showarrow=False,
+            )
+        return Plot(figure, timed=False)
+
+    def latency(self) -> Plot | None:
+        """Return histograms of the time from measurement to command, None where not recorded."""
+        return self._histogram(
+            {name: 1e3 * s.latency for name, s in self.runs.items()},
+            'from measurement to command [ms]',
+        )
+
+    def period(self) -> Plot | None:
+        """Return histograms of the time between measurements, None where not recorded."""
+        plot = self._histogram(
+            {name: 1e3 * s.periods for name, s in self.runs.items()},
+            'between measurements [ms]',
+        )
+        if plot is not None:
+            for rate in {run.rate for run in self.runs.values()}:
+                plot.figure.add_vline(1e3 / rate, line={'color': INK, 'width': 1, 'dash': 'dot'})
+        return plot
+
+    def _histogram(self, columns: Mapping[str, Array], title: str) -> Plot | None:
+        columns = {name: values for name, values in columns.items() if values.size}
+        if not columns:
+            return None
+        edges = bins(columns.values())
+        figure = base('share of samples [%]', title)
+        for name, values in columns.items():
+            counts, _ = np.histogram(values, edges)
+            figure.add_bar(
+                x=0.5 * (edges[:-1] + edges[1:]),
+                y=100.0 * counts / values.size,
+                width=np.diff(edges),
+                name=escape(name, quote=False),
+                marker={'color': self.colour(name), 'opacity': 0.65, 'line': {'width': 0}},
+                hovertemplate='%{x:.3g} ms: %{y:.3g} %',
+            )
+        figure.update_layout(barmode='overlay', bargap=0)
+        beyond = sum(int((values > edges[-1]).sum()) for values in columns.values())
+        note = f'{beyond} beyond {edges[-1]:.3g} ms are not drawn.' if beyond else ''
+        return Plot(figure, timed=False, note=note)
 
     def _each(self, title: str, columns: Mapping[str, Array], shape: str = 'linear') -> Plot:
         figure = self._timed(title)
         for name, values in columns.items():
             look = {**self._looks[name], 'shape': shape}
-            self._line(figure, self.subjects[name], name, values, look)
-        lines = [(self.subjects[name].time, values) for name, values in columns.items()]
+            self._line(figure, self.runs[name], name, values, look)
+        lines = [(self.runs[name].time, values) for name, values in columns.items()]
         return self._framed(figure, lines)
 
     def _framed(self, figure: go.Figure, lines: Sequence[tuple[Array, Array]]) -> Plot:
@@ -121,11 +199,11 @@ class Plotter:
         return Plot(figure, note='The start is cut off; a double click shows all of it.')
 
     def _line(
-        self, figure: go.Figure, subject: Subject, name: str, values: Array, look: Any, **more: Any
+        self, figure: go.Figure, run: RecordedRun, name: str, values: Array, look: Any, **more: Any
     ) -> None:
         chosen = kept(values, self._points)
         figure.add_scatter(
-            x=subject.time[chosen],
+            x=run.time[chosen],
             y=values[chosen],
             mode='lines' if len(chosen) > 1 else 'markers',
             name=escape(name, quote=False),

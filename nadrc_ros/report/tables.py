@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from math import isnan
 
 import attrs
 from nadrc_ros.records.history import Event
-from nadrc_ros.report.columns import Array
-from nadrc_ros.report.figures_of_merit import ROWS, shown, wins
+from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
 from nadrc_ros.report.markup import table
-from nadrc_ros.report.moments import Moment, node_of, text_of
-from nadrc_ros.report.subject import comparable, Subject
 import numpy as np
 
+ROWS = (
+    ('itae', 'ITAE', 'integral of t |e|'),
+    ('isu', 'ISU', 'integral of u²'),
+    ('iae', 'IAE', 'integral of |e|'),
+    ('rmse', 'RMSE', 'root mean square of e'),
+    ('max_error', 'max |e|', 'largest error'),
+    ('peak_error', 'peak |e|', 'largest error after the settle time'),
+    ('max_command', 'max |u|', 'largest command'),
+    ('total_variation', 'TV', 'total variation of u'),
+    ('saturated_fraction', 'saturated', 'share of the time'),
+)
 # More changes are counted, not listed.
 LISTED = 200
 MISSING = '–'
@@ -21,16 +31,35 @@ MISSING = '–'
 WIRING = 'qos_overrides.'
 
 
-def figures_of_merit(subjects: Mapping[str, Subject]) -> str:
+def wins(value: float, values: Sequence[float]) -> bool:
+    """Tell whether a figure is the lowest of several that differ."""
+    known = [each for each in values if not isnan(each)]
+    return bool(known) and value == min(known) < max(known)
+
+
+def shown(key: str, value: float) -> str:
+    """Return a figure as a table shows it."""
+    if isnan(value):
+        return '-'
+    return f'{100.0 * value:.1f} %' if key == 'saturated_fraction' else f'{value:.4g}'
+
+
+def comparable(runs: Mapping[str, RecordedRun]) -> bool:
+    """Tell whether integrals over the runs compare: whether these are of one length."""
+    durations = [run.metrics.duration for run in runs.values()]
+    return min(durations) >= 0.99 * max(durations)
+
+
+def figures_of_merit(runs: Mapping[str, RecordedRun]) -> str:
     """Return a row for each figure; the lowest in bold, all digits where the pointer rests."""
     rows = []
     for key, label, meaning in ROWS:
-        values = [subject.figure_of_merit(key) for subject in subjects.values()]
-        known = [value for value in values if value is not None] if comparable(subjects) else []
+        values = [run.figure_of_merit(key) for run in runs.values()]
+        known = [value for value in values if value is not None] if comparable(runs) else []
         cells = [MISSING if v is None else _figure(key, v, known) for v in values]
         rows.append([_labelled(f'<b>{label}</b>', meaning), *cells])
-    rows += _counted(subjects)
-    return table(['', *map(escape, subjects)], rows)
+    rows += _counted(runs)
+    return table(['', *map(escape, runs)], rows)
 
 
 def _figure(key: str, value: float, all_of_them: Sequence[float]) -> str:
@@ -42,14 +71,14 @@ def _labelled(label: str, meaning: str) -> str:
     return f'{label} <span class="meaning">{meaning}</span>'
 
 
-def _counted(subjects: Mapping[str, Subject]) -> list[list[str]]:
-    runs = subjects.values()
-    lost = (_count(subject.run.summary.get('samples_lost')) for subject in runs)
+def _counted(runs: Mapping[str, RecordedRun]) -> list[list[str]]:
+    every = runs.values()
+    lost = (_count(run.summary.get('samples_lost')) for run in every)
     return [
-        [_labelled('rows', 'samples recorded'), *(str(len(s.time)) for s in runs)],
-        [_labelled('missing', 'periods without a measurement'), *(str(s.gaps) for s in runs)],
+        [_labelled('rows', 'samples recorded'), *(str(len(s.time)) for s in every)],
+        [_labelled('missing', 'periods without a measurement'), *(str(s.gaps) for s in every)],
         [_labelled('lost', 'by the recorder, of all signals'), *lost],
-        [_labelled('skipped', 'counted in no figure'), *(str(s.metrics.skipped) for s in runs)],
+        [_labelled('skipped', 'counted in no figure'), *(str(s.metrics.skipped) for s in every)],
     ]
 
 
@@ -57,7 +86,7 @@ def _count(value: object) -> str:
     return str(value) if isinstance(value, int) else MISSING
 
 
-def changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
+def changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
     """Return a row for each change of a parameter, with the number of its mark in the plots."""
     several = len(runs) > 1
     rows = [
@@ -77,23 +106,23 @@ def changes(moments: Sequence[Moment], runs: Sequence[str]) -> str:
     return table(header, rows[:LISTED], words=range(len(header)))
 
 
-def events(subjects: Mapping[str, Subject]) -> str:
+def events(runs: Mapping[str, RecordedRun]) -> str:
     """Return a row for each thing that happened during the runs, '' if nothing is known of it."""
-    several = len(subjects) > 1
+    several = len(runs) > 1
     found = [
-        (event.time, run, event)
-        for run, subject in subjects.items()
-        for event in _with_ends(subject.history.events)
+        (event.time, name, event)
+        for name, run in runs.items()
+        for event in _with_ends(run.events)
         if event.time is not None
     ]
     rows = [
         [
             f'{time:.4g}\u00a0s',
-            *([escape(run)] if several else []),
+            *([escape(name)] if several else []),
             escape(node_of(event.node)),
             escape(event.message),
         ]
-        for time, run, event in sorted(found, key=lambda each: each[0])
+        for time, name, event in sorted(found, key=lambda each: each[0])
     ]
     header = ['time', *(['run'] if several else []), 'node', 'event']
     return table(header, rows[:LISTED], words=range(len(header))) if rows else ''
@@ -121,41 +150,41 @@ def timing(columns: Mapping[str, Array]) -> str:
     return table(['', 'samples', 'median [ms]', '99 % [ms]', 'largest [ms]'], rows)
 
 
-def parameters(subjects: Mapping[str, Subject], different: bool) -> str:
+def parameters(runs: Mapping[str, RecordedRun], different: bool) -> str:
     """Return the first values of all parameters, or of those in which runs differ; '' if none."""
     found = {
-        run: {
+        title: {
             (node_of(node), name): text_of(value)
-            for node, values in subject.history.parameters.items()
+            for node, values in run.history.parameters.items()
             for name, value in values.items()
         }
-        for run, subject in subjects.items()
+        for title, run in runs.items()
     }
     rows = []
     for node, name in dict.fromkeys(key for values in found.values() for key in values):
         cells = [values.get((node, name), MISSING) for values in found.values()]
         if not different or (len(set(cells)) > 1 and not name.startswith(WIRING)):
             rows.append([escape(node), escape(name), *map(escape, cells)])
-    header = ['node', 'parameter', *map(escape, subjects)]
+    header = ['node', 'parameter', *map(escape, runs)]
     return table(header, rows, words=range(len(header))) if rows else ''
 
 
-def origin(subjects: Mapping[str, Subject]) -> str:
+def origin(runs: Mapping[str, RecordedRun]) -> str:
     """Return where each run was read from, when it was started, and by what versions."""
-    found = {run: _origin(subject) for run, subject in subjects.items()}
+    found = {name: _origin(run) for name, run in runs.items()}
     rows = [
         [escape(key), *(escape(values.get(key, MISSING)) for values in found.values())]
         for key in dict.fromkeys(key for values in found.values() for key in values)
     ]
-    return table(['', *map(escape, subjects)], rows, words=range(1 + len(subjects)))
+    return table(['', *map(escape, runs)], rows, words=range(1 + len(runs)))
 
 
-def _origin(subject: Subject) -> dict[str, str]:
-    about = subject.history.about
+def _origin(run: RecordedRun) -> dict[str, str]:
+    about = run.history.about
     versions = about.get('versions')
-    found = {'read from': str(subject.run.path)}
+    found = {'read from': str(run.path)}
     found |= {key: text_of(about[key]) for key in ('started', 'namespace') if key in about}
-    for values in subject.history.parameters.values():
+    for values in run.history.parameters.values():
         if 'seed' in values:  # that of the plant
             found['seed'] = text_of(values['seed'])
     if isinstance(versions, dict):

@@ -17,8 +17,8 @@ from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.records.history import Event, read_history
+from nadrc_ros.records.recorded_run import referred
 from nadrc_ros.records.recording import read_samples
-from nadrc_ros.report.timeline import referred
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.node_arguments import overrides
 from nadrc_ros.ros.runtime import LiveNode, spin_for

@@ -14,8 +14,8 @@ from typing import Any
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import ABOUT, History, PARAMETERS, read_history
+from nadrc_ros.records.read_run import read_runs
 from nadrc_ros.records.recording import read_samples, SAMPLES, SUMMARY
-from nadrc_ros.report.subject import read_subjects
 from probe import Probe, Processes
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
@@ -174,7 +174,7 @@ def test_without_limits_of_its_own_a_recorder_takes_those_that_the_controller_te
         folder = the_run(tmp_path, number)
         recorded = json.loads((folder / SUMMARY).read_text())['metrics']
         assert recorded == summarise(folder)['metrics']
-        ((_, subject),) = read_subjects([folder]).items()
+        ((_, subject),) = read_runs([folder]).items()
         assert subject.metrics.as_dict() == recorded
         assert recorded['saturated_fraction'] == (1.0 if known else None)
 

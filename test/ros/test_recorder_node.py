@@ -14,8 +14,8 @@ from typing import Any
 from feed import Feed, INPUTS, PERIOD
 from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import read_history
+from nadrc_ros.records.read_run import read_runs
 from nadrc_ros.records.recording import read_samples, RunFolder, RunSettings, SAMPLES, SUMMARY
-from nadrc_ros.report.subject import read_subjects
 from nadrc_ros.ros.diagnostics import OK, WARN
 from probe import Probe, Processes
 import pytest
@@ -201,7 +201,7 @@ def test_a_run_ends_after_its_duration_though_the_sensor_is_dead(
     summed = summarise(folder)
     same = ('metrics', 'rows', 'periods', 'rate', 'gap_time', 'stop')
     assert {key: summed[key] for key in same} == {key: found[key] for key in same}
-    (subject,) = read_subjects([folder]).values()
+    (subject,) = read_runs([folder]).values()
     assert subject.gap_time == found['gap_time']
     assert subject.gaps > 40
     assert (found['gap_time'] > 1.0) != truth

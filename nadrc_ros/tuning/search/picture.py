@@ -8,7 +8,7 @@ from itertools import cycle
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from nadrc_ros.report.figure import COLOURS, INK, STYLE
+from nadrc_ros.report.picture import COLOURS, INK, STYLE
 from nadrc_ros.tuning.search.result import Tuned
 
 SIZE = (7.5, 4.6)  # inches

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from itertools import cycle
 from math import ceil
@@ -11,17 +11,19 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from nadrc_ros.report.caption import Mark
-from nadrc_ros.report.columns import Array, Trace
+from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.report.curves import frame
+from nadrc_ros.report.marks import Mark
+from nadrc_ros.simulation.simulate import Result
 import numpy as np
 
+# One controller's run, simulated or recorded.
+Drawn = Result | RecordedRun
 # Okabe and Ito's colours, safe for the colour-blind, in an order in which neighbours also differ
 # in lightness, so that a greyscale print stays readable.
 COLOURS = ('#E69F00', '#0072B2', '#CC79A7', '#004D40', '#56B4E9', '#D55E00')
 DASHES = ('-', '-', '--', '--', '-.', '-.')
 THICK, THIN = 1.8, 0.9
-CUT = 2.5  # times what comes later: a start larger than that is cut off
-START = 0.1  # share of the time
 LEGEND_COLUMNS = 6
 INK, GREY = '#1a1a1a', '#8a8a8a'
 WIDTH = 10.0  # inches
@@ -44,7 +46,7 @@ STYLE = {
 }
 
 
-def draw(traces: Mapping[str, Trace], title: str, marks: Sequence[Mark] = ()) -> Figure:
+def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) -> Figure:
     """
     Return a figure with a row each for output, error and command, and one per controller.
 
@@ -60,20 +62,20 @@ def draw(traces: Mapping[str, Trace], title: str, marks: Sequence[Mark] = ()) ->
         axes = list(figure.subplots(rows, 1, sharex=True))
         colours = dict(zip(traces, cycle(COLOURS)))
         dashes = dict(zip(traces, cycle(DASHES)))
-        busiest_first = sorted(traces, key=lambda name: -traces[name].unrest)
+        busiest_first = sorted(traces, key=lambda name: -_variation(traces[name]))
         for name, width in zip(busiest_first, np.linspace(THICK, THIN, len(traces))):
             # The busiest lines lie lowest and are the thickest, or they would hide the others.
             trace = traces[name]
             look = {'color': colours[name], 'linestyle': dashes[name], 'linewidth': width}
             axes[0].plot(trace.time, trace.output, **look)
-            axes[1].plot(trace.time, trace.error, **look)
+            axes[1].plot(trace.time, trace.reference - trace.output, **look)
             axes[2].step(trace.time, trace.command, where='post', **look)
         first = next(iter(traces.values()))
         axes[0].plot(first.time, first.reference, color=INK, linestyle=(0, (4, 3)), linewidth=1.0)
         axes[0].set_title('output y and reference r')
         axes[1].set_title('tracking error r − y')
         axes[2].set_title('command u')
-        _frame(axes[1], [(t.time, t.error) for t in traces.values()])
+        _frame(axes[1], [(t.time, t.reference - t.output) for t in traces.values()])
         _frame(axes[2], [(t.time, t.command) for t in traces.values()])
         truths = [(t.time, t.total_disturbance) for t in traces.values()]
         estimates = [(t.time, t.disturbance_estimate) for t in traces.values()]
@@ -119,17 +121,6 @@ def render(figure: Figure, file_format: str) -> bytes:
     return buffer.getvalue()
 
 
-def frame(lines: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
-    """Return the range that cuts off a start that would make all the rest look flat."""
-    whole = _finite(values for _, values in lines)
-    begin = START * max(float(time[-1]) for time, _ in lines)
-    late = _finite(values[time >= begin] for time, values in lines)
-    if not late.size or np.abs(whole).max() <= CUT * np.abs(late).max():
-        return None
-    room = 0.15 * float(np.ptp(late))
-    return (float(late.min()) - room, float(late.max()) + room) if room > 0.0 else None
-
-
 def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:
     """Cut such a start off, and say so."""
     limits = frame(lines)
@@ -138,11 +129,11 @@ def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:
         axis.set_title(axis.get_title('left') + '  (the start is cut off)')
 
 
-def _finite(columns: Iterable[Array]) -> Array:
-    return np.concatenate([values[np.isfinite(values)] for values in columns])
+def _variation(trace: Drawn) -> float:
+    return float(np.nansum(np.abs(np.diff(trace.command))))
 
 
-def _span(traces: Mapping[str, Trace]) -> tuple[float, float]:
+def _span(traces: Mapping[str, Drawn]) -> tuple[float, float]:
     times = np.concatenate([trace.time for trace in traces.values()])
     low, high = float(times.min()), float(times.max())
     return low, high if high > low else low + 1.0

@@ -6,17 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from math import isnan
 
-from nadrc_ros.report.figures_of_merit import shown
-from nadrc_ros.report.moments import Moment, text_of
-from nadrc_ros.report.subject import comparable, Subject
+from nadrc_ros.records.recorded_run import RecordedRun
+from nadrc_ros.report.marks import NumberedChanges, text_of
+from nadrc_ros.report.tables import comparable, shown
 
 # More runs are only counted in the title.
 NAMED = 3
 
 
-def title_of(subjects: Mapping[str, Subject]) -> str:
+def title_of(runs: Mapping[str, RecordedRun]) -> str:
     """Return the title, as plain text."""
-    names = list(subjects)
+    names = list(runs)
     if len(names) == 1:
         return f'Run {names[0]}'
     if len(names) > NAMED:
@@ -24,43 +24,43 @@ def title_of(subjects: Mapping[str, Subject]) -> str:
     return f'{", ".join(names[:-1])} and {names[-1]} compared'
 
 
-def summary_of(subjects: Mapping[str, Subject], moments: Sequence[Moment]) -> str:
+def summary_of(runs: Mapping[str, RecordedRun], moments: Sequence[NumberedChanges]) -> str:
     """Return a paragraph of HTML."""
-    well = _alone if len(subjects) == 1 else _compared
-    sentences = [_what(subjects), well(subjects), *_lost(subjects), _changed(moments)]
+    well = _alone if len(runs) == 1 else _compared
+    sentences = [_what(runs), well(runs), *_lost(runs), _changed(moments)]
     return ' '.join(filter(None, sentences))
 
 
-def _what(subjects: Mapping[str, Subject]) -> str:
-    runs = [f'<b>{escape(name)}</b> ({_size(subject)})' for name, subject in subjects.items()]
-    plants = {_plant(subject) for subject in subjects.values()}
+def _what(runs: Mapping[str, RecordedRun]) -> str:
+    names = [f'<b>{escape(name)}</b> ({_size(run)})' for name, run in runs.items()]
+    plants = {_plant(run) for run in runs.values()}
     plant = (
         f' on the plant {escape(plants.pop())}' if len(plants) == 1 and '' not in plants else ''
     )
-    started = [str(s.history.about.get('started', '')) for s in subjects.values()]
+    started = [str(s.history.about.get('started', '')) for s in runs.values()]
     when = f', started {escape(started[0])}' if len(started) == 1 and started[0] else ''
-    return f'{_listed(runs)} ran{plant}{when}.'
+    return f'{_listed(names)} ran{plant}{when}.'
 
 
-def _size(subject: Subject) -> str:
-    length = float(subject.time[-1] - subject.time[0]) + 1.0 / subject.run.rate
-    return f'{length:.4g} s at {subject.run.rate:.4g} Hz'
+def _size(run: RecordedRun) -> str:
+    length = float(run.time[-1] - run.time[0]) + 1.0 / run.rate
+    return f'{length:.4g} s at {run.rate:.4g} Hz'
 
 
-def _plant(subject: Subject) -> str:
-    names = (v['plant'] for v in subject.history.parameters.values() if 'noise_variance' in v)
+def _plant(run: RecordedRun) -> str:
+    names = (v['plant'] for v in run.history.parameters.values() if 'noise_variance' in v)
     return text_of(next(names, ''))
 
 
-def _alone(subjects: Mapping[str, Subject]) -> str:
-    (subject,) = subjects.values()
-    metrics = subject.metrics
+def _alone(runs: Mapping[str, RecordedRun]) -> str:
+    (run,) = runs.values()
+    metrics = run.metrics
     if not metrics.samples:
         return 'No sample has both an error and a command.'
     if isnan(metrics.peak_error):
         text = f'The error stayed within {metrics.max_error:.4g}'
     else:
-        begin = f'{subject.figures.settle_time:.4g} s'
+        begin = f'{run.figure_settings.settle_time:.4g} s'
         text = f'From {begin} on the error stayed within {metrics.peak_error:.4g}'
     text += f' (RMSE {metrics.rmse:.4g} over all); ITAE is {metrics.itae:.4g}'
     if not isnan(metrics.saturated_fraction):
@@ -69,11 +69,11 @@ def _alone(subjects: Mapping[str, Subject]) -> str:
     return text + '.'
 
 
-def _compared(subjects: Mapping[str, Subject]) -> str:
-    metrics = {name: subject.metrics for name, subject in subjects.items()}
+def _compared(runs: Mapping[str, RecordedRun]) -> str:
+    metrics = {name: run.metrics for name, run in runs.items()}
     if not all(m.samples for m in metrics.values()):
         return 'Not every run has samples with both an error and a command.'
-    if comparable(subjects):
+    if comparable(runs):
         key, before = 'itae', ''
     else:
         key, before = 'rmse', 'The runs differ in length, and integrals grow with it: '
@@ -94,39 +94,37 @@ def _extremes(values: Mapping[str, float]) -> tuple[str, str]:
     return min(values, key=key), max(values, key=key)
 
 
-def _lost(subjects: Mapping[str, Subject]) -> list[str]:
-    found = [
-        f'<b>{escape(name)}</b>: {loss}' for name, s in subjects.items() for loss in losses(s)
-    ]
+def _lost(runs: Mapping[str, RecordedRun]) -> list[str]:
+    found = [f'<b>{escape(name)}</b>: {loss}' for name, s in runs.items() for loss in losses(s)]
     if found:
         return [f'Beware of {"; ".join(found)}.']
-    if any(s.run.summary.get('samples_lost') is None for s in subjects.values()):
+    if any(s.summary.get('samples_lost') is None for s in runs.values()):
         return ['Whether samples were lost is not known.']
     return ['Nothing was lost.']
 
 
-def losses(subject: Subject) -> list[str]:
+def losses(run: RecordedRun) -> list[str]:
     """Return what a run lacks, in words, as HTML."""
     found = []
-    summary, metrics = subject.run.summary, subject.metrics
+    summary, metrics = run.summary, run.metrics
     lost = summary.get('samples_lost')
     by_signal = summary.get('samples_lost_by_signal')
     if isinstance(lost, int) and lost:
         signals = by_signal if isinstance(by_signal, dict) else {}
         named = ', '.join(f'{escape(str(k))} {escape(str(n))}' for k, n in signals.items())
         found.append(f'{lost} samples lost by the recorder' + (f' ({named})' if named else ''))
-    elif subject.gaps:
-        found.append(f'{subject.gaps} measurements missing')
-    if summary.get('complete') is not True and subject.is_folder:
+    elif run.gaps:
+        found.append(f'{run.gaps} measurements missing')
+    if summary.get('complete') is not True and run.figures is not None:
         found.append('the recorder did not end the run, and these are the samples that it saved')
-    if subject.gap_time:
-        found.append(f'{subject.gap_time:.3g} s without a row, which no figure counts')
+    if run.gap_time:
+        found.append(f'{run.gap_time:.3g} s without a row, which no figure counts')
     if metrics.skipped:
         found.append(f'{metrics.skipped} samples not finite, which no figure counts')
     return found
 
 
-def _changed(moments: Sequence[Moment]) -> str:
+def _changed(moments: Sequence[NumberedChanges]) -> str:
     count = sum(len(moment.changes) for moment in moments)
     if not count:
         return ''

@@ -1,19 +1,28 @@
-"""When parameters were changed: moments that the plots mark by number and a table explains."""
+"""What to write over pictures: what was run, and marks for what was changed on the way."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import attrs
-from nadrc_ros.records.history import Change, History
-from nadrc_ros.report.caption import Mark
+from nadrc_ros.records.history import Change
+from nadrc_ros.scenario import Scenario
 
 # Changes of several runs within this time are one moment [s]: they ran side by side.
 TOGETHER = 0.1
 
 
+class Mark(NamedTuple):
+    """Something that happened at a time [s]."""
+
+    time: float
+    label: str
+
+
 @attrs.frozen
-class Moment:
+class NumberedChanges:
     """Changes at about one time [s], with the names of the runs in which they were made."""
 
     number: int
@@ -34,15 +43,31 @@ class Moment:
         return Mark(self.time, ', '.join(values))
 
 
-def moments_of(histories: Mapping[str, History]) -> list[Moment]:
-    """Return the moments of all runs, in order of time."""
-    every = [(change, run) for run, history in histories.items() for change in history.changes]
-    moments: list[Moment] = []
+def numbered(changes: Mapping[str, Sequence[Change]]) -> list[NumberedChanges]:
+    """Return the changes of parameters of some runs, by name, in order of time."""
+    every = [(change, run) for run, made in changes.items() for change in made]
+    found: list[NumberedChanges] = []
     for change, run in sorted(every, key=lambda pair: pair[0].time):
-        if not moments or change.time > moments[-1].time + TOGETHER:
-            moments.append(Moment(len(moments) + 1, change.time))
-        moments[-1].add(change, run)
-    return moments
+        if not found or change.time > found[-1].time + TOGETHER:
+            found.append(NumberedChanges(len(found) + 1, change.time))
+        found[-1].add(change, run)
+    return found
+
+
+def title_of(name: str, scenario: Scenario) -> str:
+    """Return one line that says what was run."""
+    plant = scenario.plant.name or Path(scenario.plant.file).name
+    variance = scenario.noise.variance
+    noise = f'noise variance {variance:g}' if variance else 'no noise'
+    return f'{name}: plant {plant}, {scenario.duration:g} s at {scenario.rate:g} Hz, {noise}'
+
+
+def retune_marks(scenario: Scenario) -> list[Mark]:
+    """Return a mark for each retune, which says what changed."""
+    return [
+        Mark(retune.time, ', '.join(f'{key} {_short(v)}' for key, v in retune.settings.items()))
+        for retune in scenario.retunes
+    ]
 
 
 def text_of(value: object) -> str:
@@ -66,3 +91,7 @@ def _same(one: Change, other: Change) -> bool:
         other.before,
         other.after,
     )
+
+
+def _short(value: object) -> str:
+    return f'{value:g}' if isinstance(value, float) else str(value)
