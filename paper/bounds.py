@@ -17,8 +17,7 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.theory.bounds import error_rate, residuals, sharp, theorem_1
-from nadrc_ros.theory.lyapunov import lyapunov
+from nadrc_ros.theory.bounds import error_rate, lyapunov, residuals, sharp, theorem_1
 import numpy as np
 from paper.drawing import CONVENTIONAL, in_style, INK, NESTED, panels, PRINTED
 from paper.section import Finding, Findings, Result, Section, Tell

@@ -13,8 +13,8 @@ from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.simulate import Result, simulate
 from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.model import controller
 from nadrc_ros.theory.system import pick
-from nadrc_ros.theory.transfer import controller
 from nadrc_ros.tuning.design.advice import advice, advised, WORTH
 from nadrc_ros.tuning.design.bandwidths import BAND, readable, settling_factor
 from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidates, single

@@ -8,9 +8,9 @@ from math import comb, exp, factorial, log, pi, sin
 from law_helpers import design_of, Observer, ORDERS
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import observer_gains
-from nadrc_ros.theory import transfer as theory
 from nadrc_ros.theory.system import is_stable
 import pytest
+from theory_helpers import observer as transfer_function
 
 CHECK_VALUES = (
     (2, 12.0, 0.01, 0.8869204367, (0.3023236739, 3.619204243, 14.45946977)),
@@ -136,7 +136,7 @@ def test_half_gain_is_stable_up_to_its_limit(n: int, m: int) -> None:
         if share * step < 1.0:
             w = -log(1.0 - share * step) / 0.01
             design = observer(n, m, inner_bandwidth=w, observer_gain_factor=0.5)
-            assert is_stable(theory.observer(design, 0.01)) == stable
+            assert is_stable(transfer_function(design, 0.01)) == stable
 
 
 @pytest.mark.parametrize(('n', 'm'), POLYNOMIALS)

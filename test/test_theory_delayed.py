@@ -22,14 +22,13 @@ from nadrc_ros.theory.delayed import (
 )
 from nadrc_ros.theory.loop import chain, closed_loop, loop_growth
 from nadrc_ros.theory.margins import margins, UNSTABLE
-from nadrc_ros.theory.noise import output_covariance
-from nadrc_ros.theory.system import Array, pick, response, StateSpace
+from nadrc_ros.theory.system import Array, pick, StateSpace
 from nadrc_ros.tuning.design.first_design import first_design
 from nadrc_ros.tuning.design.prediction import settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import numpy as np
 import pytest
-from theory_helpers import LINEAR, wide_design
+from theory_helpers import LINEAR, output_covariance, response, wide_design
 
 H = 0.01
 # Too near to the edge of stability for rounding to say on which side it is.

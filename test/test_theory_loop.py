@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import inf
 from typing import Any
 
 from law_helpers import design_of
-from nadrc_ros.theory.loop import chain, closed_loop, gain_interval, loop_growth, loop_poles
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.theory.loop import chain, closed_loop, loop_growth
 from nadrc_ros.theory.margins import margins
-from nadrc_ros.theory.system import response, StateSpace
+from nadrc_ros.theory.system import poles, StateSpace
 import numpy as np
 import pytest
-from theory_helpers import LINEAR, Loop, simulated_stable, wide_design
+from theory_helpers import LINEAR, Loop, response, simulated_stable, wide_design
 
 H = 0.01
 # A motor with a slow and a fast time constant, and a flexible one with little damping: no chains.
@@ -69,14 +72,58 @@ def test_so_they_do_for_other_plants_and_with_a_delay(structure: str) -> None:
 def test_the_poles_with_the_right_gain_are_those_of_observer_and_law(structure: str) -> None:
     """The separation principle, with the law's own poles of the sampled chain."""
     design = loop_design(structure, 2, 0.2, b0=2.0, pole_ratios=(1.0,))
-    poles = loop_poles(design, chain(2, 2.0), H)
+    found = poles(closed_loop(design, chain(2, 2.0), H))
     k1, k2 = design.feedback_gains
     a = np.array([[1.0, H], [0.0, 1.0]]) - np.outer([H * H / 2.0, H], [k1, k2])
     for pole in np.linalg.eigvals(a):
-        assert np.abs(poles - pole).min() < 1e-4
+        assert np.abs(found - pole).min() < 1e-4
     assert loop_growth(design, chain(2, 2.0), H) == pytest.approx(
         max(np.abs(np.linalg.eigvals(a))), abs=1e-4
     )
+
+
+def gain_interval(
+    design: Design,
+    plant: StateSpace,
+    h: float,
+    delay: float = 0.0,
+    reach: float = 1e3,
+    points: int = 40,
+) -> tuple[float, float]:
+    """
+    Return the factors on the gain of ``plant``, around 1, between which the loop is stable.
+
+    With a plant of gain b0 they are the admissible b / b0: of the law only this ratio matters.
+    The ends are found by a scan outwards, ``points`` per decade up to ``reach``, then bisection;
+    0 and inf where it found none. (1, 1) when the loop is unstable as it is. An instability
+    narrower than the scan is missed; ``margins`` finds the same ends from the frequency response.
+    """
+
+    def stable(factor: float) -> bool:
+        return loop_growth(design, plant._replace(b=factor * plant.b), h, delay) < 1.0
+
+    if not stable(1.0):
+        return 1.0, 1.0
+    ratio = 10.0 ** (1.0 / points)
+    low = _edge(stable, 1.0 / ratio, 1.0 / reach)
+    high = _edge(stable, ratio, reach)
+    return 0.0 if low is None else low, inf if high is None else high
+
+
+def _edge(stable: Callable[[float], bool], ratio: float, end: float) -> float | None:
+    inside = 1.0
+    while abs(np.log(inside)) < abs(np.log(end)):
+        outside = inside * ratio
+        if not stable(outside):
+            for _ in range(50):
+                middle = (inside * outside) ** 0.5
+                if stable(middle):
+                    inside = middle
+                else:
+                    outside = middle
+            return inside
+        inside = outside
+    return None
 
 
 @pytest.mark.parametrize('n', (1, 2, 3))

@@ -1,16 +1,28 @@
-"""What the tests of the theory share: the matrices of the law as it runs, and its real loop."""
+"""What the tests of the theory share: the matrices of the law as it runs, its real loop, noise."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+import attrs
 from law_helpers import design_of, Law, NAMES
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.theory.system import Array, StateSpace, zero_order_hold
+from nadrc_ros.theory.model import observer_matrices
+from nadrc_ros.theory.system import (
+    Array,
+    balanced,
+    Complex,
+    frequency_response,
+    is_stable,
+    StateSpace,
+    zero_order_hold,
+)
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
 
 # A power of two, so that scaling costs no digit, inside the linear zone of fal.
 SMALL = 2.0**-30
@@ -20,6 +32,46 @@ LINEAR = tuple(name for name in NAMES if not design_of(structure=name).nonlinear
 
 def wide_design(**values: Any) -> Design:
     return design_of(**WIDE | values)
+
+
+def nested_design(order: int, bandwidths: Sequence[float]) -> Design:
+    """Return a nested design with the given bandwidths [rad/s], one level each."""
+    design = design_of(plant_order=order, structure='nested', levels=len(bandwidths))
+    return attrs.evolve(design, bandwidths=list(bandwidths))
+
+
+def response(system: StateSpace, omega: ArrayLike) -> Complex:
+    return frequency_response(system)(omega)
+
+
+def observer(design: Design, h: float = 0.0) -> StateSpace:
+    """Return (u, y) -> all estimates, shape (K N,), with the applied command as an input."""
+    a, b_u, b_y = observer_matrices(design, h)
+    one, none = np.eye(len(a)), np.zeros(len(a))
+    if h > 0.0:
+        return StateSpace(a, np.column_stack([b_u, a @ b_y]), one, np.column_stack([none, b_y]), h)
+    return StateSpace(a, np.column_stack([b_u, b_y]), one, np.zeros((len(a), 2)))
+
+
+def output_covariance(system: StateSpace, variance: float = 1.0) -> Array:
+    """
+    Return the covariance of the outputs, (outputs, outputs), under white noise on every input.
+
+    Discrete: X = a X a' + b b' variance, covariance c X c' + d d' variance. Continuous: a X + X a'
+    = -b b' S with ``variance`` the intensity S (two-sided density [unit^2 s]); d must be 0. A
+    sampled noise of variance sigma^2 and period h has about S = sigma^2 h. Infinite when unstable.
+    """
+    if not is_stable(system):
+        return np.full((len(system.c), len(system.c)), np.inf)
+    system = balanced(system)
+    drive = system.b @ system.b.T * variance
+    if system.h > 0.0:
+        inside = linalg.solve_discrete_lyapunov(system.a, drive)
+    elif np.any(system.d):
+        raise ValueError('white noise of infinite variance passes d')
+    else:
+        inside = linalg.solve_continuous_lyapunov(system.a, -drive)
+    return np.asarray(system.c @ inside @ system.c.T + system.d @ system.d.T * variance)
 
 
 def stepped(design: Design, h: float) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.theory.loop import closed_loop
+from nadrc_ros.theory.model import controller
 from nadrc_ros.theory.norms import frequency_grid
 from nadrc_ros.theory.system import (
     Array,
@@ -29,21 +30,24 @@ from nadrc_ros.theory.system import (
     StateSpace,
     zero_order_hold,
 )
-from nadrc_ros.theory.transfer import controller
 import numpy as np
 from numpy.typing import ArrayLike
 
-NOISE, LOAD, REFERENCE = 0, 1, 2  # inputs
+# Inputs and outputs of the loop, by their index.
+NOISE, LOAD, REFERENCE = 0, 1, 2
 OUTPUT, COMMAND = 0, 1
-# Radians that z^-m turns between two points of a grid, as long as |L| is above MATTERS; and so
-# many points at most. A loop that needs more turns far more often than its poles make up for.
-TURN, MATTERS, MOST_POINTS = 0.25, 0.3, 20_000
-GRID, REFINED = 400, 30
-# Quadrature: points of a panel, panels of a decade; relative change with twice as many.
-NODES, PANELS, AGREED, DOUBLED = 8, 4, 1e-7, 6
-# Samples of a response in time, what is left of it at the end, how often it may take twice as
+# A grid is so dense that z^-m turns by so many radians between two points, as long as |L| is above
+# this, with so many points at most. A loop that needs more turns far more often than its poles
+# make up for.
+_TURN, _LOOP_GAIN_THAT_MATTERS, _MOST_POINTS = 0.25, 0.3, 20_000
+# Points of the grid on which turns are counted, and how often it may be refined.
+_COUNTING_POINTS, _REFINEMENTS = 400, 30
+# Quadrature: points of a panel, panels of a decade; relative change with twice as many that is
+# good enough, and how often they may be doubled.
+_PANEL_POINTS, _PANELS, _QUADRATURE_ERROR, _DOUBLINGS = 8, 4, 1e-7, 6
+# Samples of a response in time, what may be missing at the end, how often it may take twice as
 # long, and the exponent by which it is damped over twice its time.
-MOST_SAMPLES, DECAYED, LONGER, DAMPED = 8192, 1e-6, 20, 7.0
+_MOST_SAMPLES, _SETTLED, _EXTENSIONS, _DAMPING = 8192, 1e-6, 20, 7.0
 
 
 class Loop(NamedTuple):
@@ -132,8 +136,8 @@ def is_stable_loop(loop: Loop) -> bool:
     """
     if loop.late == 0:
         return is_stable(loop.closed)
-    omega = loop_grid(loop, GRID)
-    if len(omega) > MOST_POINTS:
+    omega = loop_grid(loop, _COUNTING_POINTS)
+    if len(omega) > _MOST_POINTS:
         return False
     matrix, *_ = _matrices(loop)
 
@@ -144,7 +148,7 @@ def is_stable_loop(loop: Loop) -> bool:
     # From z = 1 to z = -1, where the determinant is real.
     omega = np.concatenate([[0.0], omega])
     phases = phase(omega)
-    for _ in range(REFINED):
+    for _ in range(_REFINEMENTS):
         steps = np.angle(phases[1:] * phases[:-1].conj())
         far = np.flatnonzero(np.abs(steps) > 1.0)
         if not far.size:
@@ -155,14 +159,14 @@ def is_stable_loop(loop: Loop) -> bool:
     return False  # a pole on the circle
 
 
-def loop_grid(loop: Loop, points: int) -> Array:
+def loop_grid(loop: Loop, points: int = 1500) -> Array:
     """Return frequencies [rad/s] around all poles up to pi / h, dense where z^-m turns L."""
     omega = frequency_grid(loop.plant, loop.law, points=points)
     if loop.late == 0:
         return omega
-    matters = omega[np.abs(open_response(loop)(omega)) > MATTERS]
-    turns = loop.dead_time * float(matters.max(initial=0.0)) / TURN
-    even = np.linspace(0.0, turns, min(ceil(turns), MOST_POINTS) + 1)[1:] * TURN / loop.dead_time
+    matters = omega[np.abs(open_response(loop)(omega)) > _LOOP_GAIN_THAT_MATTERS]
+    turns = loop.dead_time * float(matters.max(initial=0.0)) / _TURN
+    even = np.linspace(0.0, turns, min(ceil(turns), _MOST_POINTS) + 1)[1:] * _TURN / loop.dead_time
     return np.unique(np.concatenate([omega, even[even < omega[-1]]]))
 
 
@@ -178,14 +182,14 @@ def command_variance(loop: Loop, variance: float = 1.0) -> float:
     at = closed_response(loop)
     grid = frequency_grid(loop.plant, loop.law, points=2)
     low, high = float(grid[0]), pi / loop.h
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    count, found, before = ceil(PANELS * np.log10(high / low)), 0.0, inf
-    for _ in range(DOUBLED):
+    nodes, weights = np.polynomial.legendre.leggauss(_PANEL_POINTS)
+    count, found, before = ceil(_PANELS * np.log10(high / low)), 0.0, inf
+    for _ in range(_DOUBLINGS):
         edges = np.concatenate([[0.0], np.geomspace(low, high, count + 1)])
         half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
         density = np.abs(at(middle[:, None] + half[:, None] * nodes)[..., COMMAND, NOISE]) ** 2
         found = float(half @ density @ weights) * loop.h / pi
-        if abs(found - before) <= AGREED * found:
+        if abs(found - before) <= _QUADRATURE_ERROR * found:
             break
         count, before = 2 * count, found
     return variance * found
@@ -204,11 +208,11 @@ def step_responses(loop: Loop, inputs: list[int], lasting: float) -> tuple[Array
     """
     at = closed_response(loop)
     final = at(0.0).real[OUTPUT, inputs][:, None]
-    for _ in range(LONGER):
-        count = 2 ** ceil(log2(min(max(lasting / loop.h, 2.0), MOST_SAMPLES)))
+    for _ in range(_EXTENSIONS):
+        count = 2 ** ceil(log2(min(max(lasting / loop.h, 2.0), _MOST_SAMPLES)))
         every = max(1, ceil(lasting / loop.h / count))
         step = every * loop.h
-        damping = DAMPED / (2.0 * count * step)
+        damping = _DAMPING / (2.0 * count * step)
         turns = np.arange(count + 1) / count
         s = damping + 1j * pi * turns / step
         reached = at(-1j * s)[:, OUTPUT, inputs].T / np.expm1(-s * loop.h) / every
@@ -218,7 +222,7 @@ def step_responses(loop: Loop, inputs: list[int], lasting: float) -> tuple[Array
         missing = np.fft.irfft(missing)[:, :count] * np.exp(damping * step * np.arange(count))
         missing[:, :1] = final
         left = np.abs(missing[:, -count // 8 :]).max(axis=1)
-        if (left <= DECAYED * np.abs(missing).max(axis=1)).all():
+        if (left <= _SETTLED * np.abs(missing).max(axis=1)).all():
             break
         lasting *= 2.0
     return np.asarray(final - missing, dtype=float), step

@@ -1,19 +1,12 @@
-"""The closed loop of the discrete law and a linear plant: poles, stability, admissible gain."""
+"""The closed loop of the discrete law and a linear plant, as one system."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import inf
+from collections.abc import Sequence
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.theory.system import (
-    Complex,
-    growth,
-    poles,
-    StateSpace,
-    zero_order_hold,
-)
-from nadrc_ros.theory.transfer import controller
+from nadrc_ros.theory.model import controller
+from nadrc_ros.theory.system import growth, StateSpace, zero_order_hold
 import numpy as np
 
 
@@ -36,7 +29,7 @@ def closed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0)
     ``plant`` is continuous, one input, one output, without feedthrough, sampled with the command
     held and ``delay`` [s], or sampled so already; ``load`` adds to the command on its way to the
     plant, unseen by the observers. States: those of the plant, with one for each period of the
-    delay (of a long one see :mod:`delayed`), then those of :func:`transfer.controller`.
+    delay (of a long one see ``delayed``), then those of :func:`model.controller`.
     """
     p = plant if plant.h == h and delay == 0.0 else zero_order_hold(plant, h, delay)
     k = controller(design, h)
@@ -51,55 +44,6 @@ def closed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0)
     return StateSpace(a, b, c, d, h)
 
 
-def loop_poles(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> Complex:
-    """Return the poles z of the closed loop, those of the delay and of all levels included."""
-    return poles(closed_loop(design, plant, h, delay))
-
-
 def loop_growth(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> float:
     """Return max |z| of the closed loop: below 1 it is stable."""
     return growth(closed_loop(design, plant, h, delay))
-
-
-def gain_interval(
-    design: Design,
-    plant: StateSpace,
-    h: float,
-    delay: float = 0.0,
-    reach: float = 1e3,
-    points: int = 40,
-) -> tuple[float, float]:
-    """
-    Return the factors on the gain of ``plant``, around 1, between which the loop is stable.
-
-    With a plant of gain b0 they are the admissible b / b0: of the law only this ratio matters.
-    The ends are found by a scan outwards, ``points`` per decade up to ``reach``, then bisection;
-    0 and inf where it found none. (1, 1) when the loop is unstable as it is. An instability
-    narrower than the scan is missed; ``margins`` finds the same ends from the frequency response.
-    """
-
-    def stable(factor: float) -> bool:
-        return loop_growth(design, plant._replace(b=factor * plant.b), h, delay) < 1.0
-
-    if not stable(1.0):
-        return 1.0, 1.0
-    ratio = 10.0 ** (1.0 / points)
-    low = _edge(stable, 1.0 / ratio, 1.0 / reach)
-    high = _edge(stable, ratio, reach)
-    return 0.0 if low is None else low, inf if high is None else high
-
-
-def _edge(stable: Callable[[float], bool], ratio: float, end: float) -> float | None:
-    inside = 1.0
-    while abs(np.log(inside)) < abs(np.log(end)):
-        outside = inside * ratio
-        if not stable(outside):
-            for _ in range(50):
-                middle = (inside * outside) ** 0.5
-                if stable(middle):
-                    inside = middle
-                else:
-                    outside = middle
-            return inside
-        inside = outside
-    return None

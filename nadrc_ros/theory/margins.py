@@ -47,7 +47,7 @@ class Margins(NamedTuple):
 Indices = NDArray[np.intp]
 # |L| of two points of the grid between which a crossing lies, one over the other at most: its
 # logarithm.
-NEAR = 3.0
+_NEAR = 3.0
 UNSTABLE = Margins(1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -68,7 +68,7 @@ def margins(
     # Of all the turns of a dead time only the crossings near the largest below 1 limit the gain.
     brackets = _changes(values.imag)
     inside = size[brackets][size[brackets] < 0.0]
-    brackets = brackets[size[brackets] >= inside.max(initial=-inf) - NEAR]
+    brackets = brackets[size[brackets] >= inside.max(initial=-inf) - _NEAR]
     real = [float(loop(w).real) for w in _roots(omega, brackets, lambda w: float(loop(w).imag))]
     real.append(float(loop(pi / h).real))
     factors = [-1.0 / value for value in real if value < 0.0]

@@ -1,12 +1,14 @@
 """
-The law as matrices: all observer levels together, and the linear feedback.
+The law as matrices, and its transfer functions: all observer levels and the linear feedback.
 
 x stacks the levels, shape (K N,): x = (level 1, ..., level K), each (y, y', ..., y^(n-1), d_k,
 ...). From one sample to the next
 
     x[k] = A x[k-1] + B_u u[k-1] + B_y y[k],      u[k] = -F x[k] + H r[k],
 
-r = (r, r', ..., r^(n)). In continuous time x' = A x + B_u u + B_y y.
+r = (r, r', ..., r^(n)). In continuous time, which ``h = 0`` asks for, x' = A x + B_u u + B_y y.
+Transfer functions of period h have the state p[k] = A x[k-1] + B_u u[k-1], so that x[k] = p[k] +
+B_y y[k], and all signals at index k belong to t_k; commands and disturbances are held from t_k on.
 
 The limits, the tracking differentiator and the rise of the bandwidths after a start are not in it,
 and the nonlinear parts are taken inside their linear zones, which makes of the nonlinear structure
@@ -19,7 +21,7 @@ from math import exp, factorial
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import observer_gains
-from nadrc_ros.theory.system import Array
+from nadrc_ros.theory.system import Array, StateSpace
 import numpy as np
 
 
@@ -106,3 +108,52 @@ def disturbance_weights(design: Design, levels: int | None = None) -> Array:
     row[design.order :: design.states] = 1.0
     row[(design.levels if levels is None else levels) * design.states :] = 0.0
     return row
+
+
+def total_disturbance(design: Design, h: float = 0.0, levels: int | None = None) -> StateSpace:
+    """
+    Return G_N: total disturbance L -> d_1 + ... + d_K, or up to ``levels``, for any command.
+
+    Measured from the state of the plant, the estimates obey the observer equations with y = 0 and
+    the input -L in place of b0 u. With G_k = (w_k / (s + w_k))^(n+1), conventional has G_1 and
+    nested 1 - prod_k (1 - G_k). With the feedback's v given from outside, L may depend on the
+    command with a gain below 1 / ||G_N||inf; v depends on the estimates, and allows less.
+    """
+    a, b_u, _ = observer_matrices(design, h)
+    c = disturbance_weights(design, levels)[None, :]
+    return StateSpace(a, -b_u[:, None] / design.b0, c, np.zeros((1, 1)), h)
+
+
+def residual(design: Design, h: float = 0.0, levels: int | None = None) -> StateSpace:
+    """
+    Return total disturbance L -> L - sum_k d_k, what the levels together leave.
+
+    Nested prod_k (1 - G_k(p)) with p = s, or z and then exactly: in discrete time
+    G_k = (1 - z_k)^(n+1) z E_n(z) / (n! (z - z_k)^(n+1)), z_k = exp(-w_k h), z E_n(z) the n-th
+    Eulerian polynomial (for L held over each period). Printed: (1 - G_1) / (1 + G_2).
+    """
+    estimate = total_disturbance(design, h, levels)
+    return estimate._replace(c=-estimate.c, d=np.ones((1, 1)))
+
+
+def controller(design: Design, h: float = 0.0) -> StateSpace:
+    """
+    Return (y, r, r', ..., r^(n)) -> u: the law in closed form, its own command as the applied one.
+
+    Column 0 is -K(s), or -K(z), and also measurement noise -> command of the controller alone;
+    the others are the reference path, which in two-degree-of-freedom form is K times a prefilter
+    F, u = K (F r - y); F is improper (degree n+1 over n for one level). K has an integrator for
+    every level, so the command of the controller alone, without a plant around it, drifts under
+    noise.
+    """
+    a, b_u, b_y = observer_matrices(design, h)
+    f, reference = law_matrices(design)
+    closed = a - np.outer(b_u, f)
+    into = closed @ b_y if h > 0.0 else b_y
+    through = -f @ b_y if h > 0.0 else 0.0
+    b = np.column_stack([into, np.outer(b_u, reference)])
+    d = np.concatenate([[through], reference])
+    if design.error_based:
+        b[:, 1] = -into
+        d[1] = -through
+    return StateSpace(closed, b, -f[None, :], d[None, :], h)

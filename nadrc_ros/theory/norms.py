@@ -1,4 +1,4 @@
-"""Gains of a stable system: H-infinity (for sinusoids) and L1 (for bounded signals)."""
+"""Gains of a stable system: the largest for sinusoids, and L1 for bounded signals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from nadrc_ros.theory.system import (
     Array,
     balanced,
     Complex,
-    frequency_response,
     held,
     is_stable,
     natural_frequencies,
@@ -20,22 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize
 
-GRID = 1500
-# Decay over which an impulse response is followed, and samples per fastest time constant.
-DECAY = 70.0
-FINE = 100
-
-
-def h_infinity_norm(system: StateSpace) -> float:
-    """
-    Return the largest singular value of the response over all frequencies; inf when unstable.
-
-    Found on a logarithmic grid around the poles.
-    """
-    if not is_stable(system):
-        return inf
-    best = peak(frequency_response(system), frequency_grid(system))
-    return max(best, float(np.linalg.norm(system.d, 2))) if system.h == 0.0 else best
+# Over how many time constants an impulse response is followed, and samples per fastest one.
+_TIME_CONSTANTS = 70.0
+_SAMPLES_EACH = 100
 
 
 def peak(at: Callable[[ArrayLike], Complex], omega: Array) -> float:
@@ -58,7 +44,7 @@ def peak(at: Callable[[ArrayLike], Complex], omega: Array) -> float:
     return best
 
 
-def frequency_grid(*systems: StateSpace, points: int = GRID) -> Array:
+def frequency_grid(*systems: StateSpace, points: int = 1500) -> Array:
     """Return frequencies [rad/s] well around all poles, those of the poles included, sorted."""
     near = np.concatenate([natural_frequencies(system) for system in systems])
     h = max(system.h for system in systems)
@@ -87,13 +73,13 @@ def l1_norm(system: StateSpace) -> Array:
     through = np.abs(system.d[:, 0])
     if system.h > 0.0:
         slowest = -np.log(max(*np.abs(poles(system)), 1e-3))
-        impulse = system.c @ _orbit(system.a, system.b[:, 0], DECAY / slowest)
+        impulse = system.c @ _orbit(system.a, system.b[:, 0], _TIME_CONSTANTS / slowest)
         return np.asarray(through + np.abs(impulse).sum(axis=1))
     p = poles(system)
-    dt = 1.0 / (FINE * np.abs(p).max())
+    dt = 1.0 / (_SAMPLES_EACH * np.abs(p).max())
     transition, _ = held(system, dt)
     rest = np.asarray(np.linalg.solve(system.a, system.b[:, 0]), dtype=float)
-    step = system.c @ _orbit(transition, rest, DECAY / -p.real.max() / dt)
+    step = system.c @ _orbit(transition, rest, _TIME_CONSTANTS / -p.real.max() / dt)
     return np.asarray(through + np.abs(np.diff(step, axis=1)).sum(axis=1))
 
 

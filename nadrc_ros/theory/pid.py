@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.theory.model import pole_frequencies
-from nadrc_ros.theory.system import Array, Complex
+from nadrc_ros.theory.system import Array
 import numpy as np
-from numpy.typing import ArrayLike
 
 
 class FilteredPID(NamedTuple):
@@ -36,19 +35,6 @@ class FilteredPID(NamedTuple):
     t1: float
     t2: float
     setpoint: Array
-
-    def response(self, omega: ArrayLike) -> Complex:
-        """Return K(j omega), omega [rad/s]."""
-        s = 1j * np.asarray(omega, dtype=float)
-        return np.asarray((self.kp + self.ki / s + self.kd * s) / self._filter(s))
-
-    def reference_response(self, omega: ArrayLike) -> Complex:
-        """Return u / r at j omega, omega [rad/s]."""
-        s = 1j * np.asarray(omega, dtype=float)
-        return np.asarray(np.polyval(self.setpoint[::-1], s) / (s * self._filter(s)))
-
-    def _filter(self, s: Complex) -> Complex:
-        return np.asarray(1.0 + self.t1 * s + self.t2 * s * s)
 
 
 def equivalent_pid(design: Design) -> FilteredPID:

@@ -80,17 +80,12 @@ def natural_frequencies(system: StateSpace) -> Array:
     return np.abs(p)
 
 
-def response(system: StateSpace, omega: ArrayLike) -> Complex:
-    """
-    Return c (p I - a)^-1 b + d at p = j omega, or exp(j omega h).
-
-    ``omega`` [rad/s] of any shape (...); the result has the shape (..., outputs, inputs).
-    """
-    return frequency_response(system)(omega)
-
-
 def frequency_response(system: StateSpace) -> Callable[[ArrayLike], Complex]:
-    """Return :func:`response` of one system as a function of omega, to be called many times."""
+    """
+    Return c (p I - a)^-1 b + d at p = j omega, or exp(j omega h), as a function of omega.
+
+    omega [rad/s] may have any shape (...); the result has the shape (..., outputs, inputs).
+    """
     a, b, c, d, h = balanced(system)
     one = np.eye(len(a))
     rest = a - one if h > 0.0 else a
@@ -102,11 +97,6 @@ def frequency_response(system: StateSpace) -> Callable[[ArrayLike], Complex]:
         return np.asarray(c @ np.linalg.solve(shift[..., None, None] * one - rest, inputs) + d)
 
     return at
-
-
-def static_gain(system: StateSpace) -> Array:
-    """Return the gain for constant inputs, shape (outputs, inputs)."""
-    return np.asarray(response(system, 0.0).real, dtype=float)
 
 
 def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSpace:

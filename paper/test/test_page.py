@@ -8,8 +8,7 @@ import re
 from xml.etree import ElementTree
 
 from jinja2 import Environment
-from nadrc_ros.theory.bounds import error_rate
-from nadrc_ros.theory.lyapunov import lyapunov
+from nadrc_ros.theory.bounds import error_rate, lyapunov
 from paper import __main__ as command
 from paper import run
 from paper.section import Finding

@@ -21,7 +21,7 @@ from nadrc_ros.theory.delayed import (
 )
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import Margins, margins
-from nadrc_ros.theory.norms import GRID, peak
+from nadrc_ros.theory.norms import peak
 from nadrc_ros.theory.system import Array, Complex
 from nadrc_ros.tuning.design.bandwidths import BAND
 from nadrc_ros.tuning.design.limits import noise_gain, nominal_loop
@@ -82,7 +82,7 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
         input_gain_margin=1.0
         / peak(
             lambda omega: at(omega)[..., [COMMAND], :][..., [LOAD]],
-            loop_grid(loop, GRID),
+            loop_grid(loop),
         ),
     )
 
