@@ -33,7 +33,8 @@ BASH = [
     line.split('  #')[0] for kind, text in BLOCKS if kind == 'bash' for line in text.splitlines()
 ]
 YAML = [yaml.safe_load(text) for kind, text in BLOCKS if kind == 'yaml']
-NADRC = [line for line in BASH if line.startswith('nadrc ')]
+# Those of `nadrc demo` are run with the tests of the nodes.
+NADRC = [line for line in BASH if re.match('nadrc (?!demo )', line)]
 NODES = [line for line in BASH if line.startswith('ros2 run ')]
 PARAMETERS: dict[str, dict[str, Declared]] = {
     'controller': {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+import re
 import signal
 
 from nadrc_ros.demo.live import run_realtime
@@ -13,6 +14,8 @@ import pytest
 
 # What a busy machine delays by less than a period, nobody counts.
 ATTEMPTS = 3
+# The command comes a little later than at once, and a retune at no whole period.
+NEAR = 0.1
 SCENARIO = """
 plant: {name: paper, a3: 0.2}
 reference: {signal: cosine, frequency: 0.5}
@@ -40,27 +43,39 @@ def children_in(folder: Path) -> list[str]:
     return found
 
 
+@pytest.mark.realtime
 def test_two_controllers_run_side_by_side_and_are_retuned(tmp_path: Path) -> None:
     scenario = loads(SCENARIO)
     expected = {name: scenario.run(name).metrics.itae for name in ('one', 'two')}
+    tried = []
     for attempt in range(ATTEMPTS):
         seen: list[float] = []
         folder = tmp_path / str(attempt)
         runs = run_realtime(scenario, folder, lambda now, _: seen.append(now), None)  # noqa: B023
         assert seen == sorted(seen)
         for run in runs.values():
-            # On a busy machine the plant misses periods, or begins with one that is late.
+            # The plant may miss periods, or begin with one that is late.
             assert 100 <= run.summary['rows'] <= run.summary['periods'] <= 252
             assert run.summary['complete']
             assert run.diagnostics['periods'] >= 100
-            assert run.diagnostics['latency_median_ms'] < 100.0
+            assert run.diagnostics['latency_median_ms'] < 10.0
         assert children_in(tmp_path) == []
         found = {name: run.summary['metrics']['itae'] for name, run in runs.items()}
-        print(found, [run.diagnostics for run in runs.values()])
         lost = sum(run.summary['samples_lost'] for run in runs.values())
-        if not lost and found == pytest.approx(expected, rel=0.5):
+        tried.append((lost, found))
+        if not lost and found == pytest.approx(expected, rel=NEAR):
             return
-    raise AssertionError(f'{ATTEMPTS} times {lost} lost, or {found} and not {expected}')
+    pytest.fail(f'samples lost and figures of each attempt: {tried}, and not {expected}')
+
+
+README = (Path(__file__).parents[2] / 'README.md').read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('command', re.findall('^nadrc (demo .*)$', README, re.MULTILINE))
+def test_the_demo_of_the_front_page_runs(command: str, tmp_path: Path, start: Processes) -> None:
+    process = start.run('demo', '-m', 'nadrc_ros.cli', *command.split(), '--out', str(tmp_path))
+    assert process.end(120.0) == 0, process.said
+    assert any(tmp_path.rglob('*.png')) and any(tmp_path.rglob('*.json'))
 
 
 def demo(start: Processes, *arguments: str) -> tuple[NodeProcess, Path]:

@@ -28,19 +28,10 @@ controllers:
   nested: {}
 """
 PERIOD = 0.01
-ATTEMPTS = 6
-SMALL = [
-    '--trials',
-    '16',
-    '--population',
-    '4',
-    '--seeds',
-    '1',
-    '--jobs',
-    '1',
-    '--largest-wh',
-    '0.15',
-]
+# Even a machine that keeps time is late now and then.
+ATTEMPTS = 4
+SMALL = ('--trials=16', '--population=4', '--seeds=1', '--jobs=1', '--largest-wh=0.15')
+FIGURES = ('itae', 'isu', 'total_variation')
 
 
 def nadrc(words: list[str], folder: Path) -> str:
@@ -57,51 +48,61 @@ def nadrc(words: list[str], folder: Path) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope='module')
-def commands() -> list[list[str]]:
+def tuned(folder: Path) -> tuple[dict[str, float], list[list[str]]]:
+    """Tune, and return what is predicted and the two further commands."""
     (block,) = re.findall(r'```bash\n(nadrc tune.*?)```', DOC, re.DOTALL)
-    return [line.replace('paper', 'mine').split()[1:] for line in block.splitlines()]
+    tune, *further = (line.replace('paper', 'mine').split()[1:] for line in block.splitlines())
+    (folder / 'mine.yaml').write_text(SCENARIO)
+    nadrc([*(word.replace('mine', 'mine.yaml') for word in tune), *SMALL], folder)
+    written = json.loads((folder / 'out' / 'tune' / 'mine' / 'tune.json').read_text())
+    predicted = written['controllers']['nested']['predicted']
+    return {name: predicted[name] for name in FIGURES}, further
 
 
-def test_the_tuned_loop_does_on_ros_what_was_predicted(
-    commands: list[list[str]], tmp_path: Path, start: Processes, probe: Probe
+def test_the_tuned_loop_does_in_lockstep_what_was_predicted(
+    tmp_path: Path, start: Processes, probe: Probe
 ) -> None:
-    tune, lockstep, real_time = commands
-    (tmp_path / 'mine.yaml').write_text(SCENARIO)
-    nadrc([*(word.replace('mine', 'mine.yaml') for word in tune), *SMALL], tmp_path)
-    folder = tmp_path / 'out' / 'tune' / 'mine'
-    predicted = json.loads((folder / 'tune.json').read_text())['controllers']['nested']
-    said = nadrc(lockstep, tmp_path)
-    assert 'the same bits as the simulation' in said
-    for key in ('itae', 'isu', 'total_variation'):
-        assert figures(tmp_path)[key] == predicted['predicted'][key], key
-    expected = {key: predicted['predicted'][key] for key in ('itae', 'isu')}
-    for _ in range(ATTEMPTS):
-        nadrc(real_time, tmp_path)
-        if in_time(tmp_path):
-            live = figures(tmp_path)
-            assert {key: live[key] for key in expected} == pytest.approx(expected, rel=0.1)
-            break
-    parameters = folder / 'nested.yaml'
+    predicted, (lockstep, _) = tuned(tmp_path)
+    assert 'the same bits as the simulation' in nadrc(lockstep, tmp_path)
+    assert {name: figures(tmp_path)[name] for name in FIGURES} == predicted
+    parameters = tmp_path / 'out' / 'tune' / 'mine' / 'nested.yaml'
     values = yaml.safe_load(parameters.read_text())['/**/controller']['ros__parameters']
     start('controller', file=parameters)
     wanted = ['inner_bandwidth', 'outer_bandwidth', 'controller_bandwidth', 'feedback_level']
     assert probe.get('controller', *wanted) == [values[name] for name in wanted]
 
 
-def in_time(folder: Path) -> bool:
-    """Tell whether the plant kept its pace, and each command came well before its next sample."""
+@pytest.mark.realtime
+def test_the_tuned_loop_does_in_real_time_what_was_predicted(tmp_path: Path) -> None:
+    predicted, (_, real_time) = tuned(tmp_path)
+    late = []
+    for _ in range(ATTEMPTS):
+        nadrc(real_time, tmp_path)
+        if not (reason := lateness(tmp_path)):
+            break
+        late.append(reason)
+    else:
+        pytest.fail(f'no run was in time: {late}')
+    live = figures(tmp_path)
+    assert [live[name] for name in ('itae', 'isu')] == pytest.approx(
+        [predicted[name] for name in ('itae', 'isu')], rel=0.1
+    )
+
+
+def lateness(folder: Path) -> str:
+    """Tell what was not in time; empty where each command came well before its next sample."""
     live = figures(folder)
-    if live['missed_periods'] or live['samples_lost'] or live['latency_p99_ms'] > 900.0 * PERIOD:
-        return False
+    lost = {key: live[key] for key in ('missed_periods', 'samples_lost') if live[key]}
+    if lost or live['latency_p99_ms'] > 900.0 * PERIOD:
+        return f'{lost}, 99 % of the commands in {live["latency_p99_ms"]:.1f} ms'
     run = max((folder / 'out' / 'demo' / 'nested' / 'runs').iterdir())
     samples = read_samples(run)
     sent = samples['measurement_stamp']
-    paced = all(abs(b - a - PERIOD) < 0.5 * PERIOD for a, b in pairwise(sent))
-    return paced and all(
-        0.0 < command - measurement < 0.9 * PERIOD
-        for measurement, command in zip(sent, samples['command_stamp'])
-    )
+    uneven = max(abs(b - a - PERIOD) for a, b in pairwise(sent))
+    delays = [command - y for y, command in zip(sent, samples['command_stamp'])]
+    if uneven < 0.5 * PERIOD and min(delays) > 0.0 and max(delays) < 0.9 * PERIOD:
+        return ''
+    return f'a period was {uneven:.4f} s off, commands took {min(delays):.4f}..{max(delays):.4f} s'
 
 
 def figures(folder: Path) -> dict[str, Any]:
