@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,12 @@ from typing import Any
 import attrs
 from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recording import (
-    NEEDED,
+    read_columns,
     read_settings,
     read_summary,
     RecordingError,
     RunSettings,
     SAMPLES,
-    Samples,
     stop_of,
 )
 from nadrc_ros.records.spacing import Spacing
@@ -187,6 +186,22 @@ def summary(figures: Figures) -> dict[str, Any]:
     }
 
 
+def figures_of(
+    columns: Mapping[str, Sequence[float]],
+    settings: RunSettings,
+    history: History,
+    start: float = 0.0,
+    stop: float | None = None,
+) -> Figures:
+    """Return the figures of whole columns, which count from the time ``start`` [s] on."""
+    figures = Figures(settings, history)
+    for row in zip(*columns.values()):
+        values = dict(zip(columns, row))
+        figures.add(values['time'] - start, values)
+    figures.end(None if stop is None else stop - start)
+    return figures
+
+
 def summarise(folder: Path) -> dict[str, Any]:
     """
     Return the summary that the samples of a run amount to, with the recorder's own figures.
@@ -204,25 +219,10 @@ def summarise(folder: Path) -> dict[str, Any]:
     """
     if folder.exists() and not (folder / SAMPLES).is_file():
         raise RecordingError(f'not the folder of a run: there is no {SAMPLES} in it')
-    settings = read_settings(folder)
-    samples = Samples(folder)
-    for name in ('time', *NEEDED):
-        if name not in samples.names:
-            raise RecordingError(f'{SAMPLES}: no column {name}')
-    figures = Figures(settings, read_history(folder))
-    for row in samples:
-        values = dict(zip(samples.names, row))
-        time = values['time']
-        if not isfinite(time):
-            raise RecordingError(f'{SAMPLES}: the time of row {figures.rows} is not a number')
-        if figures.rows and time <= figures.last:
-            raise RecordingError(f'{SAMPLES}: the times do not increase at {time:g} s')
-        figures.add(time, values)
-    if not figures.rows:
-        raise RecordingError(f'{SAMPLES}: no samples')
-    figures.end(stop_of(read_summary(folder)))
-    return summary(figures) | {
+    settings, (columns, cut) = read_settings(folder), read_columns(folder)
+    stop = stop_of(read_summary(folder))
+    return summary(figures_of(columns, settings, read_history(folder), stop=stop)) | {
         'samples_lost': None,
         'samples_lost_by_signal': None,
-        'complete': False if samples.cut else None,
+        'complete': False if cut else None,
     }

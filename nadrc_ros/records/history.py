@@ -11,7 +11,7 @@ lack any of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 import json
 from math import isfinite
@@ -152,10 +152,9 @@ def read_history(folder: Path) -> History:
 
     """
     history = History(about=_about(_text(folder / ABOUT)))
-    for place, line in enumerate(_text(folder / EVENTS).split('\n')[:-1], 1):
-        history.events.append(_event(place, line))
-    for place, line in enumerate(_text(folder / PARAMETERS).split('\n')[:-1], 1):
-        history.take(*_record(place, line))
+    history.events.extend(_lines(folder / EVENTS, 'time, node, kind, message', _event))
+    for told in _lines(folder / PARAMETERS, 'time, node and values', _told):
+        history.take(*told)
     return history
 
 
@@ -176,25 +175,26 @@ def _about(text: str) -> Values:
     return content
 
 
-def _event(place: int, line: str) -> Event:
-    try:
-        record = json.loads(line)
-        time = None if record['time'] is None else float(record['time'])
-        return Event(time, *(str(record[key]) for key in ('node', 'kind', 'message')))
-    except (ValueError, TypeError, KeyError):
-        raise RecordingError(f'{EVENTS}, line {place}: not time, node, kind, message') from None
+def _lines(path: Path, what: str, make: Callable[[Any], T]) -> Iterator[T]:
+    """Yield what is made of each whole line of a file that may be missing."""
+    for place, line in enumerate(_text(path).split('\n')[:-1], 1):
+        try:
+            yield make(json.loads(line))
+        except (ValueError, TypeError, KeyError):
+            raise RecordingError(f'{path.name}, line {place}: not {what}') from None
 
 
-def _record(place: int, line: str) -> tuple[float | None, str, Values]:
-    try:
-        record = json.loads(line)
-        time, node, values = record['time'], record['node'], record['values']
-        time = None if time is None else float(time)
-    except (ValueError, TypeError, KeyError):
-        time, node, values = None, None, None
+def _event(record: Any) -> Event:
+    time = None if record['time'] is None else float(record['time'])
+    return Event(time, *(str(record[key]) for key in ('node', 'kind', 'message')))
+
+
+def _told(record: Any) -> tuple[float | None, str, Values]:
+    time, node, values = record['time'], record['node'], record['values']
+    time = None if time is None else float(time)
     finite = time is None or isfinite(time)
     if not (finite and isinstance(node, str) and isinstance(values, dict)):
-        raise RecordingError(f'{PARAMETERS}, line {place}: not time, node and values')
+        raise ValueError
     return time, node, values
 
 

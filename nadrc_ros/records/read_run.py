@@ -11,8 +11,7 @@ from nadrc_ros.records.csv_log import read_csv_log
 from nadrc_ros.records.history import read_history
 from nadrc_ros.records.recorded_run import Array, RecordedRun, window
 from nadrc_ros.records.recording import (
-    NEEDED,
-    read_samples,
+    read_columns,
     read_settings,
     read_summary,
     RecordingError,
@@ -81,7 +80,8 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
                 f'{SAMPLES} has columns of known names; topics and columns are those of other logs'
             )
         figures, summary = read_settings(path), read_summary(path)
-        columns, stop = _columns(path), stop_of(summary) or 0.0
+        columns = {name: np.array(values) for name, values in read_columns(path)[0].items()}
+        stop = stop_of(summary) or 0.0
     elif path.exists() and is_bag(path):
         columns, stop = read_bag(path, source)
     elif path.is_file():
@@ -103,18 +103,6 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
         figures=figures,
         history=read_history(path),
     )
-
-
-def _columns(folder: Path) -> dict[str, Array]:
-    columns = {name: np.array(values) for name, values in read_samples(folder).items()}
-    for name in ('time', *NEEDED):
-        if name not in columns:
-            raise RecordingError(f'{SAMPLES}: no column {name}')
-    if not columns['time'].size:
-        raise RecordingError(f'{SAMPLES}: no samples')
-    if not (np.isfinite(columns['time']).all() and (np.diff(columns['time']) > 0.0).all()):
-        raise RecordingError(f'{SAMPLES}: the times do not increase')
-    return columns
 
 
 def _measured(columns: Mapping[str, Array]) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-from nadrc_ros.records.figures import Figures
+from nadrc_ros.records.figures import Figures, figures_of
 from nadrc_ros.records.history import Change, Event, History
 from nadrc_ros.records.recording import RecordingError, RunSettings
 from nadrc_ros.simulation.metrics import MetricValues
@@ -195,13 +195,8 @@ class RecordedRun:
 
     @cached_property
     def _sums(self) -> Figures:
-        found = Figures(self.figure_settings, self.history)
         columns = {name: values.tolist() for name, values in self.columns.items()}
-        for row in zip(*columns.values()):
-            values = dict(zip(columns, row))
-            found.add(values['time'] - self._start, values)
-        found.end(self.stop - self._start)
-        return found
+        return figures_of(columns, self.figure_settings, self.history, self._start, self.stop)
 
 
 def window(run: RecordedRun, begin: float | None, end: float | None) -> RecordedRun:

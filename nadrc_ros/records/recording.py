@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 import json
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -162,56 +162,54 @@ class RunFolder:
         write_json(self.path / SUMMARY, content)
 
 
-class Samples:
-    """
-    The rows of ``samples.csv``, read one after the other.
-
-    Attributes
-    ----------
-    names
-        The columns.
-    cut
-        Whether the last row was cut short, by a kill or a full disk, and so was left out.
-
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._file = (folder / SAMPLES).open(encoding='utf-8', errors='replace')
-        self.names = self._file.readline().rstrip('\n').split(',')
-        self.cut = False
-
-    def __iter__(self) -> Iterator[list[float]]:
-        """
-        Yield the rows.
-
-        Raises
-        ------
-        RecordingError
-            For a row, other than the last, that is not one number per column.
-
-        """
-        with self._file:
-            for place, line in enumerate(self._file, 2):
-                if not line.endswith('\n'):
-                    self.cut = True
-                    return
-                yield self._row(place, line[:-1].split(','))
-
-    def _row(self, place: int, cells: list[str]) -> list[float]:
-        try:
-            row = [float(cell) if cell else nan for cell in cells]
-        except ValueError:
-            row = []
-        if len(row) != len(self.names):
-            raise RecordingError(f'{SAMPLES}, line {place}: not {len(self.names)} numbers')
-        return row
-
-
 def read_samples(folder: Path) -> dict[str, list[float]]:
     """Return the columns of ``samples.csv``; a last row that was cut short is left out."""
-    samples = Samples(folder)
-    rows = list(samples)
-    return {name: [row[i] for row in rows] for i, name in enumerate(samples.names)}
+    return _read(folder)[0]
+
+
+def read_columns(folder: Path) -> tuple[dict[str, list[float]], bool]:
+    """
+    Return the columns of a run, and whether its last row was cut short, and so left out.
+
+    A kill or a full disk cuts a row short.
+
+    Raises
+    ------
+    RecordingError
+        For samples that no recorder wrote, or none.
+
+    """
+    columns, cut = _read(folder)
+    for name in ('time', *NEEDED):
+        if name not in columns:
+            raise RecordingError(f'{SAMPLES}: no column {name}')
+    times = columns['time']
+    if not times:
+        raise RecordingError(f'{SAMPLES}: no samples')
+    for row, (before, time) in enumerate(zip([-inf, *times], times)):
+        if not isfinite(time):
+            raise RecordingError(f'{SAMPLES}: the time of row {row} is not a number')
+        if time <= before:
+            raise RecordingError(f'{SAMPLES}: the times do not increase at {time:g} s')
+    return columns, cut
+
+
+def _read(folder: Path) -> tuple[dict[str, list[float]], bool]:
+    with (folder / SAMPLES).open(encoding='utf-8', errors='replace') as file:
+        names = file.readline().rstrip('\n').split(',')
+        columns: list[list[float]] = [[] for _ in names]
+        for place, line in enumerate(file, 2):
+            if not line.endswith('\n'):
+                return dict(zip(names, columns)), True
+            try:
+                row = [float(cell) if cell else nan for cell in line[:-1].split(',')]
+            except ValueError:
+                row = []
+            if len(row) != len(names):
+                raise RecordingError(f'{SAMPLES}, line {place}: not {len(names)} numbers')
+            for column, number in zip(columns, row):
+                column.append(number)
+    return dict(zip(names, columns)), False
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
