@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from nadrc_ros.writing import write_json
+from nadrc_ros.atomic import write_json
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console

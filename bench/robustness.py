@@ -30,6 +30,7 @@ from bench.results import FOLDER
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.atomic import write_json
 from nadrc_ros.simulation.faults import Faults, Injector, MeasurementFault
 from nadrc_ros.simulation.integrate import Integrator
 from nadrc_ros.simulation.noise import Noise, NoiseSource
@@ -37,7 +38,6 @@ from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.simulation.protocols import MutableVector
 from nadrc_ros.simulation.signals import Trapezoid
 from nadrc_ros.theory.pid import equivalent_pid
-from nadrc_ros.writing import write_json
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console

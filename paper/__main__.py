@@ -15,7 +15,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from nadrc_ros.writing import write_whole
+from nadrc_ros.atomic import write_whole
 from paper.run import files, measure, sections, violations
 from paper.section import Section
 from paper.table1 import LABELS

@@ -12,12 +12,12 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
+from nadrc_ros.atomic import write_whole
 from nadrc_ros.cli.app import app
 from nadrc_ros.report.marks import Mark
 from nadrc_ros.report.picture import draw, render
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.scenario.mapping import from_mapping
-from nadrc_ros.writing import write_whole
 import numpy as np
 import pytest
 from typer.testing import CliRunner

@@ -165,9 +165,9 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    from nadrc_ros.atomic import write_whole
     from nadrc_ros.report.marks import numbered, title_of
     from nadrc_ros.report.picture import draw, render
-    from nadrc_ros.writing import write_whole
 
     recorded = {run: _recorded(scenario, run, result.folder) for run, result in runs.items()}
     marks = numbered({run: result.changes for run, result in recorded.items()})
@@ -194,7 +194,7 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
 def _write_summary(
     path: Path, name: str, lockstep: bool, scenario: 'Scenario', runs: 'dict[str, Run]'
 ) -> None:
-    from nadrc_ros.writing import write_json
+    from nadrc_ros.atomic import write_json
 
     write_json(
         path,

@@ -59,8 +59,8 @@ def design(
     values = {name: value for name, value in locals().items() if name in ASKED}
     with reporting():
         from nadrc_ros.adrc.fields import build
+        from nadrc_ros.atomic import check_folder
         from nadrc_ros.tuning.design.first_design import first_design
-        from nadrc_ros.writing import check_folder
 
         if out is not None:
             check_folder(out)
@@ -162,6 +162,7 @@ def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
 
 
 def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
+    from nadrc_ros.atomic import write_json, write_whole
     from nadrc_ros.report.bode import draw_bode
     from nadrc_ros.report.picture import render
     from nadrc_ros.scenario import dump
@@ -171,7 +172,6 @@ def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> 
         controller_parameters,
         parameter_text,
     )
-    from nadrc_ros.writing import write_json, write_whole
 
     out.mkdir(parents=True, exist_ok=True)
     parameters = controller_parameters(found.chosen.settings, found.wanted.rate)

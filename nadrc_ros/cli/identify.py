@@ -75,12 +75,13 @@ def identify(
     with reporting():
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
-        from nadrc_ros.writing import check_file
+        from nadrc_ros.atomic import check_file
 
         for file in filter(None, (out, scenario, json)):
             check_file(file)
     with reporting(str(run)):
         import attrs
+        from nadrc_ros.atomic import write_json, write_whole
         from nadrc_ros.records.read_run import read_run
         from nadrc_ros.records.recorded_run import window
         from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
@@ -96,7 +97,6 @@ def identify(
         from nadrc_ros.tuning.identification.identify import identify as find
         from nadrc_ros.tuning.identification.log import log_of
         from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
-        from nadrc_ros.writing import write_json, write_whole
 
         with working(f'reading {run}'):
             recorded = read_run(run, options.source(namespace, time, time_unit, **signals))

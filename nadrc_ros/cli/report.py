@@ -70,7 +70,7 @@ def report(
 
             without = '--static needs nothing'
             raise MissingPackage('the page', error.name or 'plotly', 'report', without) from None
-        from nadrc_ros.writing import write_whole
+        from nadrc_ros.atomic import write_whole
 
         path = out or _beside(runs)
         write_whole(path, page(found).encode())
@@ -78,10 +78,10 @@ def report(
 
 
 def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:
+    from nadrc_ros.atomic import write_whole
     from nadrc_ros.report.marks import numbered
     from nadrc_ros.report.picture import draw, render
     from nadrc_ros.report.summary import title_of
-    from nadrc_ros.writing import write_whole
 
     marks = [each.mark() for each in numbered({name: run.changes for name, run in runs.items()})]
     figure = draw(runs, title_of(runs), marks)

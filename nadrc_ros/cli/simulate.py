@@ -67,8 +67,8 @@ def _warn_if_lost(name: str, result: 'Result') -> None:
 
 
 def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
+    from nadrc_ros.atomic import write_json
     from nadrc_ros.scenario.mapping import to_mapping
-    from nadrc_ros.writing import write_json
 
     document: dict[str, Any] = {
         'scenario': to_mapping(scenario),
@@ -78,9 +78,9 @@ def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') 
 
 
 def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
+    from nadrc_ros.atomic import write_whole
     from nadrc_ros.report.marks import retune_marks, title_of
     from nadrc_ros.report.picture import draw, render
-    from nadrc_ros.writing import write_whole
 
     figure = draw(results, title_of(name, scenario), retune_marks(scenario))
     write_whole(path, render(figure, path.suffix.lstrip('.')))

@@ -19,11 +19,11 @@ def summarise(
     Example: nadrc summarise runs/20260101-120000
     """
     with reporting(str(run)):
+        from nadrc_ros.atomic import write_json
         from nadrc_ros.cli.table import print_figures_of_merit
         from nadrc_ros.records.figures import summarise
         from nadrc_ros.records.recording import read_settings, read_summary, SUMMARY
         from nadrc_ros.simulation.metrics import MetricValues
-        from nadrc_ros.writing import write_json
 
         content = summarise(run)
         if content['complete'] is False:

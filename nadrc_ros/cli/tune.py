@@ -97,8 +97,8 @@ def tune(
     options = {key: value for key, value in locals().items() if key in TUNING}
     given = {key: value for key, value in options.items() if value not in (None, [])}
     with reporting(file):
+        from nadrc_ros.atomic import check_folder
         from nadrc_ros.scenario import find_scenario, load
-        from nadrc_ros.writing import check_folder
 
         path = find_scenario(file)
         scenario = _bare(load(path))
@@ -244,12 +244,12 @@ def _finish(
     number: Optional[int],
     folder: Path,
 ) -> None:
+    from nadrc_ros.atomic import write_json, write_whole
     from nadrc_ros.report.marks import title_of
     from nadrc_ros.report.picture import render
     from nadrc_ros.scenario.parameter_files import about_reference
     from nadrc_ros.tuning.search.picture import draw
     from nadrc_ros.tuning.search.result import document, texts, tuned
-    from nadrc_ros.writing import write_json, write_whole
 
     found = [tuned(study, one, isu, number) for one, study in studies.items()]
     title = title_of(name, scenario)

@@ -18,7 +18,7 @@ from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
-from nadrc_ros.records.replay import TraceWriter
+from nadrc_ros.records.trace import TraceWriter
 from nadrc_ros.ros.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
 from nadrc_ros.ros.diagnostics import Diagnostics, Latencies, WARN
 from nadrc_ros.ros.graph import OutputWatch

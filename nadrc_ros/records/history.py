@@ -22,9 +22,9 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
+from nadrc_ros.atomic import write_json
 from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.simulation.plants import PLANTS
-from nadrc_ros.writing import write_json
 
 ABOUT = 'about.json'
 PARAMETERS = 'parameters.jsonl'

@@ -14,7 +14,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, declared, number
 from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
-from nadrc_ros.writing import write_json
+from nadrc_ros.atomic import write_json
 
 SETTINGS = 'run.json'
 SAMPLES = 'samples.csv'

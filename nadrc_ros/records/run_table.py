@@ -13,10 +13,10 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.atomic import write_whole
 from nadrc_ros.extras import MissingPackage
 from nadrc_ros.scenario.sweep import cell, Extent, Sweep
 from nadrc_ros.simulation.metrics import MetricValues
-from nadrc_ros.writing import write_whole
 
 FORMATS = ('.csv', '.parquet')
 METRICS = tuple(field.name for field in attrs.fields(MetricValues))
