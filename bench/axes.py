@@ -29,8 +29,7 @@ from typing import Any
 import attrs
 from bench.processes import BARE, CONTROLLER, Process, process
 from bench.results import save, show
-from nadrc_ros.ros.domain import private_domain
-from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
+from nadrc_ros.ros.runtime import init_ros, make_executor, private_domain, spin_for
 from nadrc_ros.ros.topics import Info, receive, Sender
 import numpy as np
 import rclpy

@@ -27,7 +27,7 @@ from typing import Any
 
 from bench.processes import BARE, CONTROLLER, environment, process
 from bench.results import save, show
-from nadrc_ros.ros.domain import private_domain
+from nadrc_ros.ros.runtime import private_domain
 from nadrc_ros.ros.topics import Info, Receive, receive
 import numpy as np
 from rclpy.context import Context

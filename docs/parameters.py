@@ -8,7 +8,6 @@ from typing import Any
 
 from nadrc_ros.adrc import ControllerSettings
 from nadrc_ros.adrc.fields import Declared, declared
-from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant import (
     fault_fields,
     noise_fields,
@@ -16,6 +15,7 @@ from nadrc_ros.nodes.plant import (
 )
 from nadrc_ros.nodes.recorder import RecorderSettings
 from nadrc_ros.nodes.reference import ReferenceSettings
+from nadrc_ros.nodes.wiring import LoopSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.simulation.plants import PLANTS

@@ -52,7 +52,7 @@ def demo(
         whole = load(path)
     with reporting():
         try:
-            from nadrc_ros.ros.domain import private_domain
+            from nadrc_ros.ros.runtime import private_domain
             import rclpy  # noqa: F401
         except ImportError as error:
             from nadrc_ros.adrc.errors import UserError

@@ -1,8 +1,9 @@
-"""The controller node: inner and outer observer and the law in one timer callback."""
+"""The controller node: the law under its fault policy, on samples of the graph."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from math import nan
 import sys
 import time
@@ -15,24 +16,29 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.supervisor import Mode
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates
-from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
+from nadrc_ros.nodes.wiring import (
+    axes_asked,
+    axes_parser,
+    axis_namespace,
+    LoopSettings,
+    refuse_unequal,
+)
 from nadrc_ros.records.trace import TraceWriter
-from nadrc_ros.ros.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
-from nadrc_ros.ros.diagnostics import Diagnostics, Latencies, WARN
+from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
 from nadrc_ros.ros.graph import OutputWatch
-from nadrc_ros.ros.lockstep import Lockstep
-from nadrc_ros.ros.pacing import Beat, SampleTicker, Ticker
-from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown, written_to
-from nadrc_ros.ros.runtime import BAD_START, LiveNode, run
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
+from nadrc_ros.ros.parameters import ParameterGroup, written_to
+from nadrc_ros.ros.runtime import BAD_START, run
 from nadrc_ros.ros.stamps import SampleTimes
-from nadrc_ros.ros.topics import Info, receive, reference_topics, Sender
+from nadrc_ros.ros.topics import Info, reference_topics
 from std_srvs.srv import SetBool, Trigger
 
 Reference = Sequence[float | None]
-# How often readers of the estimates are looked for [s].
-LOOK = 0.1
+# Readers of the estimates, and rivals, are looked for so often [s].
+_LOOK = 0.1
 
 
 class ControllerNode(LiveNode):
@@ -51,20 +57,19 @@ class ControllerNode(LiveNode):
 
     def set_up(self) -> None:
         """Declare the parameters and join the graph."""
-        first = self.first
-        loop = ParameterGroup(
-            self, declared(LoopSettings), lambda values: build(LoopSettings, values)
-        ).value
+        first, in_lockstep = self.first, self.pacing.lockstep
+        self._loop = self.declare(LoopSettings)
         if first is not None:
             refuse_unequal(first, self)
         settings = ParameterGroup(
-            self, declared(ControllerSettings), self._settings, self._retune
+            self, declared(ControllerSettings), self._make_settings, self._retune
         ).value
         # In lockstep the plant waits at its initial state, as in the simulation.
-        checked = self.pacing.lockstep
-        self.controller = Controller(settings, enabled=loop.enabled_at_start, checked=checked)
-        derivatives = reference_topics(settings)[1:]
-        self._reference: list[float | None] = [None] * (1 + len(derivatives))
+        self.controller = Controller(
+            settings, enabled=self._loop.enabled_at_start, checked=in_lockstep
+        )
+        references = reference_topics(settings)
+        self._reference: list[float | None] = [None] * len(references)
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = 0
         self._idle = 0
@@ -73,58 +78,56 @@ class ControllerNode(LiveNode):
         self._silent_at_stop = False
         self.latencies = Latencies()
         self._mode_log = ModeLog(self.controller.mode, self.controller.cause)
-        self.lockstep: Lockstep | None = None
+        self.trace: TraceWriter | None = None
+        self._command = self.add_output('command')
+        self.add_input('measurement', self._on_measurement, silence=WARN, regular=True, sole=True)
+        for i, topic in enumerate(references):
+            self.add_input(topic, partial(self._on_reference, i), silence=None, sole=True)
         self._sample_ticker: SampleTicker | None = None
-        inputs = ['measurement', 'reference', *derivatives]
-        if self.pacing.lockstep:
-            self.lockstep = Lockstep(self, self.pacing, self._fire)
-            for topic in inputs:
-                self.lockstep.add_input(topic)
-            self._command = self.lockstep.add_output('command')
-        else:
-            self._command = Sender(self, 'command')
-            takers = [self._on_measurement, *map(self._reference_taker, range(len(inputs) - 1))]
-            silences = (WARN, *[None] * (len(inputs) - 1))
-            self.inputs = [
-                receive(self, topic, take, silence=silence, regular=silence == WARN, sole=True)
-                for topic, take, silence in zip(inputs, takers, silences)
-            ]
+        if not in_lockstep:
+            rate, by_timer = self.pacing.rate, self._loop.trigger == 'timer'
+            self.timer: SharedTimer = (
+                first.timer if first and by_timer else SharedTimer(self, rate, phase=0.5)
+            )
+            if by_timer:
+                self.ticker = Ticker(self.timer, self.on_timer)
+            else:
+                self.ticker = self._sample_ticker = SampleTicker(self, self.timer, self.on_timer)
+                self._sample_ticker.notice_within(settings.measurement_timeout)
+            self._times = SampleTimes(
+                self.pacing.period, stamped=not self.get_parameter('use_sim_time').value
+            )
+            self._now = self.ticker.now
+            self._ticked = self._now()
             given = self._parameter_overrides
-            doubts = Doubts(self.controller, self.pacing.rate, given, self.remarks)
+            doubts = Doubts(self.controller, rate, given, self.remarks)
             self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
             taken = OutputWatch(self, self._command.topic, self.remarks)
             self.checks.append(lambda: taken.look(self.controller.mode == Mode.OK))
-            rate, by_timer = self.pacing.rate, loop.trigger == 'timer'
-            self.beat: Beat = first.beat if first and by_timer else Beat(self, rate, phase=0.5)
-            if not by_timer:
-                self._sample_ticker = SampleTicker(self, self.beat, rate, self._step)
-                self._sample_ticker.notice_within(settings.measurement_timeout)
-            self.ticker = self._sample_ticker or Ticker(self.beat, rate, self._step)
-            stamped = not self.get_parameter('use_sim_time').value
-            self._times = SampleTimes(self.pacing.period, stamped)
-            self._ticked = self.ticker.now()
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        shared = loop.share_command or self.pacing.lockstep
+        shared = self._loop.share_command or in_lockstep
         self._rivals = Rivals(self, self._command, shared=shared)
-        self._estimates = Estimates(
-            self._sender, self.controller.design.levels, always=self.lockstep is not None
-        )
-        self._divisor = loop.estimate_divisor if self.lockstep is None else 1
+        levels = self.controller.design.levels
+        self._estimates = Estimates(self.add_output, levels, always=in_lockstep)
+        self._divisor = 1 if in_lockstep else self._loop.estimate_divisor
         self._steps = 0
-        self._look: Beat = first._look if first else Beat(self, 1.0 / LOOK, steady=True)
+        self._look: SharedTimer = (
+            first._look if first else SharedTimer(self, 1.0 / _LOOK, steady=True)
+        )
         self._look.listeners += [self._estimates.look, self._mind_rivals]
-        axes = {axis_namespace(name, self.arguments) for name in axes_asked(self.arguments)}
-        refuse_unknown(self, axes - {self.get_namespace()})
-        # Last, as a node that fails to start should leave no file behind.
+
+    def begin(self) -> None:
+        """Begin the trace, and close the loop."""
+        loop, settings = self._loop, self.controller.settings
         with written_to('trace', loop.trace, 'a new file in a folder to write to') as path:
-            self.trace = TraceWriter(path, settings, checked) if loop.trace else None
+            if loop.trace:
+                self.trace = TraceWriter(path, settings, self.pacing.lockstep)
         self._set_enabled(loop.enabled_at_start)
-        self.diagnostics = Diagnostics(self, self._report)
 
     # ---- parameters and services ----
 
-    def _settings(self, values: dict[str, Any]) -> ControllerSettings:
+    def _make_settings(self, values: dict[str, Any]) -> ControllerSettings:
         """Make settings that also fit the rate."""
         settings = build(ControllerSettings, values)
         settings.check_rate(self.pacing.rate)
@@ -171,8 +174,8 @@ class ControllerNode(LiveNode):
         self.events.tell('reset', 'reset')
         if self.trace is not None:
             self.trace.reset()
-        response.success = True
-        response.message = 'the observers restart at the next measurement, without a bump'
+        said = 'the observers restart at the next measurement, without a bump'
+        response.success, response.message = True, said
         return response
 
     # ---- samples ----
@@ -181,31 +184,28 @@ class ControllerNode(LiveNode):
         if self._sample is not None:
             self._overwritten += not self._rivals.listening
             self._times.saw(self._sample[1])
-        self._sample = value, info, self.ticker.now()
+        self._sample = value, info, self._now()
         if self._sample_ticker is not None:
-            self._step()
+            self.on_timer()
             self._sample_ticker.count(info['publication_sequence_number'])
 
-    def _reference_taker(self, index: int) -> Any:
-        def take(value: float, _: Info) -> None:
-            self._reference[index] = value
+    def _on_reference(self, index: int, value: float, _: Info) -> None:
+        self._reference[index] = value
 
-        return take
-
-    def _step(self, _: float = 0.0) -> None:
-        """Do one real-time tick with the newest sample, or without one."""
-        now = self.ticker.now()
+    def on_timer(self, elapsed: float = 0.0, periods: int = 1) -> None:
+        """Do one tick with the newest sample, or without one; the time is that since the last."""
+        now = self._now()
         elapsed, self._ticked = max(0.0, (now - self._ticked) * 1e-9), now
         if self._rivals.listening:
             return
         if self._sample is None:
             self._idle += 1
-            self._tick(nan, 0.0, elapsed, self._take_reference())
+            self._take_sample(nan, 0.0, elapsed, self._take_reference())
             return
         (measurement, info, received), self._sample = self._sample, None
         dt = self._times.span(info, received)
         age = self._times.late + max(0.0, (now - received) * 1e-9)
-        self._tick(measurement, dt, elapsed, self._take_reference(), age)
+        self._take_sample(measurement, dt, elapsed, self._take_reference(), age)
         self.latencies.add(time.time() - info['source_timestamp'] * 1e-9)
 
     def _take_reference(self) -> Reference | None:
@@ -215,11 +215,11 @@ class ControllerNode(LiveNode):
         taken, self._reference = self._reference, [None] * len(self._reference)
         return taken
 
-    def _fire(self, values: list[float]) -> None:
-        """Do one lockstep tick."""
-        self._tick(values[0], self.pacing.period, self.pacing.period, values[1:])
+    def on_samples(self, values: list[float]) -> None:
+        """Do one tick of lockstep."""
+        self._take_sample(values[0], self.pacing.period, self.pacing.period, values[1:])
 
-    def _tick(
+    def _take_sample(
         self,
         measurement: float,
         dt: float,
@@ -227,6 +227,7 @@ class ControllerNode(LiveNode):
         reference: Reference | None,
         age: float = 0.0,
     ) -> None:
+        """Let the controller tick with a sample, or with nan, and send what comes of it."""
         controller = self.controller
         applied, settings = controller.command, controller.settings
         command = controller.tick(measurement, dt, elapsed=elapsed, age=age, reference=reference)
@@ -256,10 +257,7 @@ class ControllerNode(LiveNode):
             self._set_enabled(False)
             self.diagnostics.publish()
         elif listened and self._sample_ticker and self._sample and not self._rivals.listening:
-            self._step()
-
-    def _sender(self, topic: str) -> Sender:
-        return Sender(self, topic) if self.lockstep is None else self.lockstep.add_output(topic)
+            self.on_timer()
 
     # ---- what it says of itself ----
 
@@ -278,13 +276,12 @@ class ControllerNode(LiveNode):
         if (mode, cause) != self._mode_log.now:
             self.events.tell('mode', self._description, LEVELS[cause])
         message = self._mode_log.of(mode, cause, time.monotonic(), self._unheard)
-        if message and mode == Mode.OK:
-            self.get_logger().info(message)
-        elif message:
-            self.get_logger().warning(message)
+        if message:
+            self.remarks.log(message, OK if mode == Mode.OK else WARN)
         return bool(message)
 
-    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+    def report(self) -> Report:
+        """Tell the mode and its cause, and what the samples were like."""
         controller = self.controller
         values: dict[str, object] = {
             'structure': controller.settings.structure,
@@ -296,8 +293,6 @@ class ControllerNode(LiveNode):
         }
         if self.lockstep is None:
             values |= {
-                'periods': self.ticker.periods,
-                'missed_periods': self.ticker.missed,
                 'ticks_without_measurement': self._idle,
                 'measurements_overwritten': self._overwritten,
                 'stamps_from_future': self._times.from_future,
@@ -331,8 +326,7 @@ class ControllerNode(LiveNode):
 
     def close(self) -> None:
         """Send the safe command, whatever the rate limit, and make sure that it arrives."""
-        if self.lockstep is not None:
-            self.lockstep.flush()
+        super().close()
         if not self._silent_at_stop and (self.lockstep is None or not self.lockstep.complete):
             settings = self.controller.settings
             allowed = settings.command_rate_limit * self.pacing.period
@@ -359,11 +353,13 @@ class ControllerNode(LiveNode):
 
 
 class Axis(ControllerNode):
-    """An axis that the timers of the first one tick, too."""
+    """One of several axes; the timers of the first one tick it, too."""
 
-    def __init__(self, first: ControllerNode, **where: Any) -> None:
-        self.first = first
-        super().__init__(**where)
+    def __init__(
+        self, first: ControllerNode | None, axes: Sequence[str], namespace: str, **more: Any
+    ) -> None:
+        self.first, self.axes = first, axes
+        super().__init__(namespace=namespace, **more)
 
 
 def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
@@ -376,12 +372,13 @@ def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
         Names the axis that cannot be; what the others began to write is gone.
 
     """
+    names = axes_asked(arguments)
+    spaces = [axis_namespace(name, arguments) for name in names]
     nodes: list[ControllerNode] = []
-    for name in axes_asked(arguments):
-        space = axis_namespace(name, arguments)
-        where: dict[str, Any] = {'namespace': space, 'arguments': arguments}
+    for name, space in zip(names, spaces):
         try:
-            nodes.append(Axis(nodes[0], **where) if nodes else ControllerNode(**where))
+            first = nodes[0] if nodes else None
+            nodes.append(Axis(first, spaces, space, arguments=arguments))
         except BAD_START as error:
             for node in nodes:
                 node.discard()

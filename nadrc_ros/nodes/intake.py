@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from math import nan
 import time
-from typing import Any
 
 from nadrc_ros.records.recording import NEEDED, STAMPED
 from nadrc_ros.records.rows import Gap, Row, Rows
 from nadrc_ros.ros.diagnostics import OK, WARN
+from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.stamps import Departures, Losses, Offset
-from nadrc_ros.ros.topics import Info, receive, RECORD
-from rclpy.node import Node
+from nadrc_ros.ros.topics import Info, RECORD
 
 # Samples of all topics are there so long after the newest one left [ns], and without any new ones
 # after so long.
-SKEW, SILENCE = 300_000_000, 600_000_000
-SECOND = 1e9
+_SKEW, _SILENCE = 300_000_000, 600_000_000
+_SECOND = 1e9
 # A reference that nobody moves and estimates that a controller leaves out are no gap.
-REGULAR = ('measurement', 'output', 'command')
+_REGULAR = ('measurement', 'output', 'command')
 
 
 class Intake:
@@ -45,7 +45,7 @@ class Intake:
 
     """
 
-    def __init__(self, node: Node, topics: Mapping[str, str], duration: float) -> None:
+    def __init__(self, node: LiveNode, topics: Mapping[str, str], duration: float) -> None:
         self.losses = {name: Losses() for name in topics}
         self.simulated: bool = node.get_parameter('use_sim_time').value
         self._node = node
@@ -54,24 +54,21 @@ class Intake:
         self._offset = Offset()
         self._clock = self._stood = 0
         self.restart(0)
-        self.inputs = {
-            name: receive(
-                node,
+        for name, topic in topics.items():
+            node.add_input(
                 topic,
-                self._taker(name),
-                RECORD,
+                partial(self.take, name),
+                qos=RECORD,
                 silence=WARN if name in NEEDED else OK,
                 regular=name == 'measurement',
             )
-            for name, topic in topics.items()
-        }
 
     def restart(self, begin: int) -> None:
         """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
         self.open = True
         self.clock_jumps = 0
         self._jumps: list[tuple[int, str]] = []
-        self._rows = Rows(list(self.losses), self._duration * SECOND)
+        self._rows = Rows(list(self.losses), self._duration * _SECOND)
         self._begin = begin
         self._looked = self.now()
 
@@ -127,21 +124,21 @@ class Intake:
     def since_begin(self, moment: float) -> float | None:
         """Return the time of a moment in the run [s], None before its first row."""
         begin = self._rows.begin
-        return None if begin is None or moment < begin else (moment - begin) / SECOND
+        return None if begin is None or moment < begin else (moment - begin) / _SECOND
 
     def close(self) -> tuple[int, list[Row]]:
         """Return until when [ns] all rows are made, and those that were not returned before."""
-        until, now = self._rows.newest - SKEW, self.now()
+        until, now = self._rows.newest - _SKEW, self.now()
         # Who stood still for so long has not taken what came meanwhile.
-        if now - self._looked < SILENCE:
-            until = max(until, now - SILENCE)
+        if now - self._looked < _SILENCE:
+            until = max(until, now - _SILENCE)
         self._looked = now
         return until, self._rows.close(until)
 
     def gaps(self) -> list[Gap]:
         """Return the gaps in the run that were found since they were asked for."""
         found, self._rows.gaps = self._rows.gaps, []
-        regular = [gap for gap in found if gap.signal in REGULAR]
+        regular = [gap for gap in found if gap.signal in _REGULAR]
         return [gap for gap in regular if self.since_begin(gap.time) is not None]
 
     def end(self) -> list[Row]:
@@ -149,15 +146,13 @@ class Intake:
         self.open = False
         return self._rows.end()
 
-    def _taker(self, name: str) -> Any:
-        def take(value: float, info: Info) -> None:
-            lost = self.losses[name].before(info['publication_sequence_number'])
-            moment = self.left(name, info)
-            if not self.open:
-                return
-            stamp = nan
-            if name in STAMPED and info['source_timestamp']:
-                stamp = (info['source_timestamp'] - self._begin) / SECOND
-            self._rows.take(name, moment, value, stamp, lost)
-
-        return take
+    def take(self, name: str, value: float, info: Info) -> None:
+        """Take a sample of a signal."""
+        lost = self.losses[name].before(info['publication_sequence_number'])
+        moment = self.left(name, info)
+        if not self.open:
+            return
+        stamp = nan
+        if name in STAMPED and info['source_timestamp']:
+            stamp = (info['source_timestamp'] - self._begin) / _SECOND
+        self._rows.take(name, moment, value, stamp, lost)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
-import sys
 import time
 from typing import Any
 
@@ -12,14 +11,13 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
 from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
-from nadrc_ros.ros.command_line import NodeParser
-from nadrc_ros.ros.diagnostics import Diagnostics, ERROR, OK, WARN
-from nadrc_ros.ros.lockstep import Lockstep
-from nadrc_ros.ros.pacing import Beat, Ticker
-from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown
-from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.diagnostics import ERROR, OK, Report, WARN
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.pacing import SharedTimer, Ticker
+from nadrc_ros.ros.parameters import ParameterGroup
+from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL
-from nadrc_ros.ros.topics import Info, receive, Sender
+from nadrc_ros.ros.topics import Info
 from nadrc_ros.scenario.specs import PLANT, PlantSpec
 from nadrc_ros.scenario.user_code import class_fields
 from nadrc_ros.simulation.faults import (
@@ -34,18 +32,18 @@ from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plant_run import PlantRun
 from nadrc_ros.simulation.protocols import Plant, Signal
 
-NOISE = 'noise_'
-MEASUREMENT_FAULT = 'fault.measurement.'
-COMMAND_FAULT = 'fault.command.'
+_NOISE = 'noise_'
+_MEASUREMENT_FAULT = 'fault.measurement.'
+_COMMAND_FAULT = 'fault.command.'
 # After a longer stall of the process [s] only so much time has passed for the plant.
 LONGEST_STALL = 1.0
 # The same is not logged again within so long [s]: a controller may always be too slow.
-LOGGED = 5.0
+_LOGGED = 5.0
 # The stamps of samples are the middleware's.
-INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
+_INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
 
-DESCRIPTION = 'A simulated plant: command in, measurement out.'
-EXAMPLE = '  ros2 run nadrc_ros plant --ros-args -p disturbance:=sine -p noise_variance:=1.0e-6'
+_DESCRIPTION = 'A simulated plant: command in, measurement out.'
+_EXAMPLE = '  ros2 run nadrc_ros plant --ros-args -p disturbance:=sine -p noise_variance:=1.0e-6'
 
 
 @attrs.frozen(kw_only=True)
@@ -109,40 +107,31 @@ class PlantNode(LiveNode):
             fields['plant'] = attrs.evolve(
                 fields['plant'], kind='choice', default=name, choices=(name,)
             )
-        self._group = ParameterGroup(self, fields, self._settings)
+        self._group = ParameterGroup(self, fields, self._make_settings)
         settings = self._group.value
-        self._plants = ParameterGroup(
-            self,
-            class_fields(self.plant_type or PLANT.type_of(settings.plant, settings.plant_class)),
-            self._make_plant,
-            self._change,
-        )
-        plant = self._plants.value
+        cls = self.plant_type or PLANT.type_of(settings.plant, settings.plant_class)
+        self._plants = ParameterGroup(self, class_fields(cls), self._make_plant, self._change)
         self._disturbances = ParameterGroup(
             self, DISTURBANCE.asked(self), DISTURBANCE.make, self._change
         )
         added = ParameterGroup(
             self, NOISE_SIGNAL.asked(self), NOISE_SIGNAL.make, self._change_noise
-        ).value
-        noise = ParameterGroup(
-            self,
-            noise_fields(),
-            lambda values: build(Noise, {'seed': values['seed'], **_without(NOISE, values)}),
-            lambda changed: self.process.noise.set_variance(changed.variance),
-        ).value
-        faults = ParameterGroup(
-            self,
-            fault_fields(),
-            self._make_faults,
-            lambda changed: self.process.inject(changed),  # noqa: PLW0108 there is none yet
-        ).value
-        state = settings.initial_state
+        )
+        noise = ParameterGroup(self, noise_fields(), _make_noise, self._change_variance)
+        faults = ParameterGroup(self, fault_fields(), self._make_faults, self._inject)
+        plant, state = self._plants.value, settings.initial_state
         if len(state) not in (1, plant.states):
             raise SettingError('initial_state', state, f'a list of 1 or {plant.states} entries')
         if len(state) == 1:
             state = state * plant.states
         self.process = PlantRun(
-            plant, self._disturbances.value, noise, self.pacing.rate, state, faults, added
+            plant,
+            self._disturbances.value,
+            noise.value,
+            self.pacing.rate,
+            state,
+            faults.value,
+            added.value,
         )
         self._started = settings.start == 'at_once'
         self._command = settings.safe_command
@@ -155,61 +144,44 @@ class PlantNode(LiveNode):
         self._bad_commands = 0
         self._timeouts = 0
         self._newest = 0
-        self.lockstep: Lockstep | None = None
-        if self.pacing.lockstep:
-            self.lockstep = Lockstep(
-                self, self.pacing, self.guarded(self._fire), self._send_sample
-            )
-            self.lockstep.add_input('command')
-            self._measurement = self.lockstep.add_output('measurement')
-            self._output = self.lockstep.add_output('~/output')
-            self._truth = self.lockstep.add_output('~/total_disturbance')
-        else:
-            self._measurement = Sender(self, 'measurement')
-            self._output = Sender(self, '~/output')
-            self._truth = Sender(self, '~/total_disturbance')
-            self.inputs = [receive(self, 'command', self._on_command)]
-            on_timer = self.guarded(self._on_timer)
-            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, on_timer)
-        refuse_unknown(self)
-        self.diagnostics = Diagnostics(self, self._report)
+        self.add_input('command', self._on_command)
+        self._measurement = self.add_output('measurement')
+        self._output = self.add_output('~/output')
+        self._truth = self.add_output('~/total_disturbance')
+        if self.lockstep is None:
+            self.ticker = Ticker(SharedTimer(self, self.pacing.rate), self.guarded(self.on_timer))
 
-    def _settings(self, values: dict[str, Any]) -> PlantSettings:
+    # ---- parameters ----
+
+    def _make_settings(self, values: dict[str, Any]) -> PlantSettings:
         """Make settings that also fit the rate."""
         settings = build(PlantSettings, values)
-        shortest = 2.0 * self.pacing.period
-        if 0.0 < settings.command_timeout < shortest:
-            raise SettingError(
-                'command_timeout',
-                settings.command_timeout,
-                f'0 (off) or at least two periods, {shortest:g} s',
-            )
+        timeout, shortest = settings.command_timeout, 2.0 * self.pacing.period
+        if 0.0 < timeout < shortest:
+            allowed = f'0 (off) or at least two periods, {shortest:g} s'
+            raise SettingError('command_timeout', timeout, allowed)
         return settings
 
     def _make_plant(self, values: dict[str, Any]) -> Plant:
-        plant = self._plant_of(values)
+        if self.plant_type is not None:
+            plant = PLANT.make(self.plant_type, values)
+        else:
+            settings = self._group.value
+            is_file = settings.plant.endswith('.py')
+            which = {'file' if is_file else 'name': settings.plant}
+            plant = PlantSpec(**which, class_name=settings.plant_class, values=values).make()
         substeps_for(plant, self.pacing.period)  # refuses one that is too fast for the rate
         return plant
 
-    def _plant_of(self, values: dict[str, Any]) -> Plant:
-        if self.plant_type is not None:
-            return PLANT.make(self.plant_type, values)
-        settings = self._group.value
-        file = settings.plant if settings.plant.endswith('.py') else ''
-        name = '' if file else settings.plant
-        return PlantSpec(
-            name=name, file=file, class_name=settings.plant_class, values=values
-        ).make()
-
     def _make_faults(self, values: dict[str, Any]) -> Faults:
         measurement = build(
-            MeasurementFault, _without(MEASUREMENT_FAULT, values), MEASUREMENT_FAULT[:-1]
+            MeasurementFault, _without(_MEASUREMENT_FAULT, values), _MEASUREMENT_FAULT[:-1]
         )
-        command = build(CommandFault, _without(COMMAND_FAULT, values), COMMAND_FAULT[:-1])
-        kinds = ONE_EACH if self.pacing.lockstep else INJECTABLE
+        command = build(CommandFault, _without(_COMMAND_FAULT, values), _COMMAND_FAULT[:-1])
+        kinds = ONE_EACH if self.pacing.lockstep else _INJECTABLE
         if measurement.kind not in kinds:
             raise SettingError(
-                MEASUREMENT_FAULT + 'kind', measurement.kind, 'one of ' + ', '.join(kinds)
+                _MEASUREMENT_FAULT + 'kind', measurement.kind, 'one of ' + ', '.join(kinds)
             )
         return Faults(measurement=(measurement,), command=(command,))
 
@@ -219,6 +191,14 @@ class PlantNode(LiveNode):
     def _change_noise(self, signal: Signal) -> None:
         self.process.noise_signal = signal
 
+    def _change_variance(self, noise: Noise) -> None:
+        self.process.noise.set_variance(noise.variance)
+
+    def _inject(self, faults: Faults) -> None:
+        self.process.inject(faults)
+
+    # ---- samples ----
+
     def _on_command(self, value: float, _: Info) -> None:
         if not isfinite(value):
             self._bad_commands += 1
@@ -227,25 +207,42 @@ class PlantNode(LiveNode):
         self._commanded = True
         self._started = True
 
-    def _on_timer(self, elapsed: float) -> None:
-        """End one period under the newest command, and send the sample of the next."""
-        self._age = 0.0 if self._commanded else self._age + elapsed
-        self._commanded = False
-        if self._started:
-            self._make_up(self._acting_command())
-        self._send_sample()
-
-    def _make_up(self, command: float) -> None:
+    def on_timer(self, elapsed: float, periods: int) -> None:
         """
-        Let the periods that are due pass.
+        Let the periods that are due pass under the newest command, and send the sample then.
 
         One only, if these take the processor longer than they last: they would be ever more.
         """
-        longest = max(1, round(LONGEST_STALL * self.pacing.rate))
-        periods = min(self.ticker.due, longest) if self._keeps_up else 1
-        begin = time.thread_time()
-        self._advance(command, periods)
-        self._keeps_up = time.thread_time() - begin < periods * self.pacing.period
+        self._age = 0.0 if self._commanded else self._age + elapsed
+        self._commanded = False
+        if self._started:
+            command = self._acting_command()
+            longest = max(1, round(LONGEST_STALL * self.pacing.rate))
+            periods = min(periods, longest) if self._keeps_up else 1
+            begin = time.thread_time()
+            self._advance(command, periods)
+            self._keeps_up = time.thread_time() - begin < periods * self.pacing.period
+        self.send_sample()
+
+    def on_samples(self, values: list[float]) -> None:
+        """Let a period pass under its command, and send the sample of the next."""
+        self._advance(values[0])
+        if self.process.k < self.pacing.steps:
+            self.send_sample()
+
+    def send_sample(self) -> None:
+        """Send what the sensor shows in this period, and the true output."""
+        before, self._faults = self._faults, self.process.faults.acting(self.process.k)
+        if self._faults != before:  # one began or ended, by itself or as it was asked to
+            self.events.tell('fault', ', '.join(self._faults) or 'none', WARN)
+        for sample in self.process.samples(self.process.measurement, still=not self._started):
+            # One that a newer one has overtaken reaches no reader: the middleware drops it.
+            if sample.number >= self._newest:
+                self._newest = sample.number
+                self._measurement.send(sample.value)
+        output = self.process.output
+        self._note_divergence(isfinite(output))
+        self._output.send(output)
 
     def _acting_command(self) -> float:
         settings = self._group.value
@@ -257,16 +254,10 @@ class PlantNode(LiveNode):
             self._timeouts += 1
             self.get_logger().warning(
                 f'no command for {self._age:.3g} s: using the safe command',
-                throttle_duration_sec=LOGGED,
+                throttle_duration_sec=_LOGGED,
             )
         self._timed_out = timed_out
         return settings.safe_command if timed_out else self._command
-
-    def _fire(self, values: list[float]) -> None:
-        """Do one lockstep period."""
-        self._advance(values[0])
-        if self.process.k < self.pacing.steps:
-            self._send_sample()
 
     def _advance(self, command: float, periods: int = 1) -> None:
         """Let some periods pass under one command; the truth is that of the first."""
@@ -288,60 +279,41 @@ class PlantNode(LiveNode):
             'its output is not a number from here on'
         )
 
-    def _tell_faults(self) -> None:
-        """Tell when a fault begins or ends, by itself or as it was asked to."""
-        before, self._faults = self._faults, self.process.faults.acting(self.process.k)
-        if self._faults != before:
-            self.events.tell('fault', ', '.join(self._faults) or 'none', WARN)
-
-    def _send_sample(self) -> None:
-        self._tell_faults()
-        for sample in self.process.samples(self.process.measurement, still=not self._started):
-            # One that a newer one has overtaken reaches no reader: the middleware drops it.
-            if sample.number >= self._newest:
-                self._newest = sample.number
-                self._measurement.send(sample.value)
-        output = self.process.output
-        self._note_divergence(isfinite(output))
-        self._output.send(output)
-
-    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+    def report(self) -> Report:
+        """Tell whether it runs, and under whose command."""
         values: dict[str, object] = {
             'time': self.process.k / self.pacing.rate,
             'command_timeouts': self._timeouts,
             'commands_not_finite': self._bad_commands,
         }
-        if self.lockstep is None:
-            values |= {'periods': self.ticker.periods, 'missed_periods': self.ticker.missed}
         if self.diverged is not None:
             return ERROR, 'the plant diverged', values
         if self._timed_out:
             return WARN, 'no command: using the safe command', values
         if not self._keeps_up:
             return WARN, 'slower than real time: this plant is too much for its rate here', values
-        return OK, 'running' if self._started or self.lockstep else 'waiting for a command', values
-
-    def close(self) -> None:
-        """Let readers take what was sent."""
-        if self.lockstep is not None:
-            self.lockstep.flush()
+        running = self._started or self.lockstep is not None
+        return OK, 'running' if running else 'waiting for a command', values
 
 
 def noise_fields() -> dict[str, Declared]:
     """Return the parameters of the noise: its fields with a prefix, but for the seed."""
     return {
-        name if name == 'seed' else NOISE + name: field for name, field in declared(Noise).items()
+        name if name == 'seed' else _NOISE + name: field for name, field in declared(Noise).items()
     }
 
 
 def fault_fields() -> dict[str, Declared]:
     """Return the parameters of the faults."""
-    fields = {
-        MEASUREMENT_FAULT + name: field for name, field in declared(MeasurementFault).items()
-    }
-    kind = MEASUREMENT_FAULT + 'kind'
-    fields[kind] = attrs.evolve(fields[kind], choices=INJECTABLE)
-    return fields | {COMMAND_FAULT + name: field for name, field in declared(CommandFault).items()}
+    classes = {_MEASUREMENT_FAULT: MeasurementFault, _COMMAND_FAULT: CommandFault}
+    fields = {p + name: f for p, cls in classes.items() for name, f in declared(cls).items()}
+    kind = _MEASUREMENT_FAULT + 'kind'
+    fields[kind] = attrs.evolve(fields[kind], choices=_INJECTABLE)
+    return fields
+
+
+def _make_noise(values: dict[str, Any]) -> Noise:
+    return build(Noise, {'seed': values['seed'], **_without(_NOISE, values)})
 
 
 def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -355,8 +327,7 @@ def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def main() -> int:
     """Run the plant node."""
-    NodeParser('plant', DESCRIPTION, EXAMPLE).parse(sys.argv)
-    return run(lambda: PlantNode(arguments=sys.argv))
+    return run_command(PlantNode, _DESCRIPTION, _EXAMPLE)
 
 
 if __name__ == '__main__':

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime, timezone
 from functools import partial
+from importlib.metadata import PackageNotFoundError, version
 from math import inf
-import sys
+import os
+import platform
 import time
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, declared, number, text
+from nadrc_ros.adrc.fields import declared, number, text
 from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.intake import Intake
 from nadrc_ros.records.figures import Figures, summary
@@ -35,27 +38,27 @@ from nadrc_ros.records.recording import (
     TRUTH,
 )
 from nadrc_ros.records.rows import Gap, Row
-from nadrc_ros.ros.command_line import NodeParser
-from nadrc_ros.ros.diagnostics import Diagnostics, OK, receive_events, WARN
-from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.diagnostics import OK, receive_events, Report, WARN
+from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.parameter_watch import ParameterWatch
-from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown, written_to
-from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.parameters import written_to
+from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.topics import Info, Sender
-from nadrc_ros.ros.versions import versions
 from nadrc_ros.simulation.metrics import MetricValues
+import rclpy
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
-FLUSH = 0.2
-METRICS = tuple(field.name for field in attrs.fields(MetricValues))
-SECOND = 1_000_000_000  # ns
+# Rows are written, and figures sent, so often [s].
+_FLUSH = 0.2
+_METRICS = tuple(field.name for field in attrs.fields(MetricValues))
+_SECOND = 1_000_000_000  # ns
 # Writes something down, with its time in the run [s].
 Note = Callable[[float | None], None]
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
 
-DESCRIPTION = 'Writes the signals of a loop to a folder, and publishes its figures of merit.'
-EXAMPLE = '  ros2 run nadrc_ros recorder --ros-args -p directory:=runs -p duration:=10.0'
+_DESCRIPTION = 'Writes the signals of a loop to a folder, and publishes its figures of merit.'
+_EXAMPLE = '  ros2 run nadrc_ros recorder --ros-args -p directory:=runs -p duration:=10.0'
 
 
 @attrs.frozen(kw_only=True)
@@ -108,41 +111,34 @@ class RecorderNode(LiveNode):
 
     def set_up(self) -> None:
         """Declare the parameters and join the graph."""
-        self.settings = ParameterGroup(
-            self, declared(RecorderSettings), lambda values: build(RecorderSettings, values)
-        ).value
+        self.settings = self.declare(RecorderSettings)
         figures = {name: getattr(self.settings, name) for name in declared(FigureSettings)}
         figures['settle_time'] = self.settings.settle_time or 0.1 * self.settings.duration
         rate = self.pacing.rate if self.pacing.lockstep else 0.0
         self._run = RunSettings(rate=rate, **figures)
         topics = self.settings.topics()
         self._columns = ['time', *topics]
-        self._senders = {name: Sender(self, f'~/{name}') for name in METRICS}
+        self._senders = {name: Sender(self, f'~/{name}') for name in _METRICS}
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
         for source in (self.settings.controller, self.settings.plant):
             receive_events(self, source, self._on_event)
-        self.lockstep: Lockstep | None = None
         self.intake: Intake | None = None
-        if self.pacing.lockstep:
-            self.lockstep = Lockstep(self, self.pacing, self._fire)
+        if self.lockstep is not None:
             for topic in topics.values():
                 self.lockstep.add_input(topic)
         else:
             self.intake = Intake(self, topics, self.settings.duration or inf)
-            self.inputs = list(self.intake.inputs.values())
             if not self.intake.simulated:  # stamps are of this machine's clock
                 self._columns += STAMPS
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(FLUSH, self._on_flush, clock=steady)
+        self.create_timer(_FLUSH, self._on_flush, clock=steady)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(Trigger, '~/save', self._on_save)
-        refuse_unknown(self)
-        self._open_run()  # last, as a node that fails to start should leave no folder behind
-        self.diagnostics = Diagnostics(self, self._report)
 
     # ---- the run ----
 
-    def _open_run(self) -> None:
+    def begin(self) -> None:
+        """Begin a run, in a folder of its own."""
         allowed = 'a folder, or where one can be made, to write to'
         with written_to('directory', self.settings.directory, allowed) as directory:
             folder = RunFolder(directory, self._columns, self._run)
@@ -162,7 +158,7 @@ class RecorderNode(LiveNode):
         self.recording = True
         self._notes: list[tuple[int, Note]] = []
         if self.intake is not None:
-            self.intake.restart(self._begin * SECOND)
+            self.intake.restart(self._begin * _SECOND)
         self.get_logger().info(f'recording to {self.folder.path}')
 
     def _end_run(self) -> None:
@@ -197,7 +193,7 @@ class RecorderNode(LiveNode):
         return {
             'started': started.isoformat(),
             'namespace': self.get_namespace(),
-            'versions': versions(),
+            'versions': _versions(),
         }
 
     def _summary(self) -> dict[str, Any]:
@@ -247,7 +243,7 @@ class RecorderNode(LiveNode):
 
     def _write_gap(self, gap: Gap, t: float | None) -> None:
         cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
-        message = f'no {gap.signal} for {gap.length / SECOND:.4g} s: {cause}'
+        message = f'no {gap.signal} for {gap.length / _SECOND:.4g} s: {cause}'
         self._write_own(t, 'gap', message)
 
     def _write_jump(self, source: str, t: float | None) -> None:
@@ -259,7 +255,7 @@ class RecorderNode(LiveNode):
 
     # ---- rows ----
 
-    def _fire(self, values: list[float]) -> None:
+    def on_samples(self, values: list[float]) -> None:
         """Record one lockstep period."""
         if not self.recording:
             return
@@ -323,15 +319,14 @@ class RecorderNode(LiveNode):
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         self._end_run()
         try:
-            self._open_run()
+            self.begin()
         except SettingError as error:
             response.success, response.message = False, str(error)
             return response
         if self.failure:
             response.success, response.message = False, self.failure
             return response
-        response.success = True
-        response.message = f'a new run is recorded to {self.folder.path}'
+        response.success, response.message = True, f'a new run is recorded to {self.folder.path}'
         return response
 
     def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Any:
@@ -345,7 +340,8 @@ class RecorderNode(LiveNode):
         response.success, response.message = True, str(self.folder.path)
         return response
 
-    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+    def report(self) -> Report:
+        """Tell what is recorded, and what is missing."""
         by_signal = {} if self.intake is None else self.intake.lost_by_signal()
         lost = None if by_signal is None else sum(by_signal.values())
         unheard = [] if self.intake is None else self.intake.unheard()
@@ -374,10 +370,24 @@ class RecorderNode(LiveNode):
         self._end_run()
 
 
+def _versions() -> dict[str, str]:
+    """Return the versions of this package and of what it runs on, those that are known."""
+    found = {}
+    for package in ('nadrc_ros', 'rclpy'):
+        with suppress(PackageNotFoundError):  # run from a source tree
+            found[package] = version(package)
+    found |= {
+        'python': platform.python_version(),
+        'ROS distribution': os.environ.get('ROS_DISTRO', ''),
+        'middleware': rclpy.get_rmw_implementation_identifier(),
+        'platform': f'{platform.system()} {platform.machine()}',
+    }
+    return {name: value for name, value in found.items() if value}
+
+
 def main() -> int:
     """Run the recorder node."""
-    NodeParser('recorder', DESCRIPTION, EXAMPLE).parse(sys.argv)
-    return run(lambda: RecorderNode(arguments=sys.argv))
+    return run_command(RecorderNode, _DESCRIPTION, _EXAMPLE)
 
 
 if __name__ == '__main__':

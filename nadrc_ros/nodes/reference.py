@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-import sys
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.fields import choice, declared
-from nadrc_ros.ros.command_line import NodeParser
-from nadrc_ros.ros.diagnostics import Diagnostics, OK
-from nadrc_ros.ros.lockstep import Lockstep
-from nadrc_ros.ros.pacing import Beat, Ticker
-from nadrc_ros.ros.parameters import ParameterGroup, refuse_unknown
-from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.diagnostics import OK, Report
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.pacing import SharedTimer, Ticker
+from nadrc_ros.ros.parameters import ParameterGroup
+from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.signals import REFERENCE
-from nadrc_ros.ros.topics import receive, REFERENCE_TOPICS, Sender
+from nadrc_ros.ros.topics import REFERENCE_TOPICS
 from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.protocols import Signal
 
-DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
-EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'
+_DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
+_EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'
 
 
 @attrs.frozen(kw_only=True)
@@ -47,51 +44,40 @@ class ReferenceNode(LiveNode):
         )
         self._started = self.get_parameter('start').value == 'at_once'
         self.k = 0
-        self.lockstep: Lockstep | None = None
-        if self.pacing.lockstep:
-            self.lockstep = Lockstep(
-                self, self.pacing, self.guarded(self._fire), self._send_sample
-            )
+        self._senders = [self.add_output(topic) for topic in REFERENCE_TOPICS]
+        if self.lockstep is not None:
             self.lockstep.add_input('measurement')
-            self._senders: list[Sender] = [self.lockstep.add_output(t) for t in REFERENCE_TOPICS]
         else:
-            self._senders = [Sender(self, topic) for topic in REFERENCE_TOPICS]
-            self.inputs = [receive(self, 'command', lambda value, info: self._start())]
-            on_timer = self.guarded(self._on_timer)
-            self.ticker = Ticker(Beat(self, self.pacing.rate), self.pacing.rate, on_timer)
-        refuse_unknown(self)
-        self.diagnostics = Diagnostics(self, self._report)
+            self.add_input('command', lambda value, info: self._start())
+            self.ticker = Ticker(SharedTimer(self, self.pacing.rate), self.guarded(self.on_timer))
 
     def _start(self) -> None:
         self._started = True
 
-    def _on_timer(self, _: float) -> None:
+    def on_timer(self, elapsed: float, periods: int) -> None:
+        """Send the sample of this period."""
         if self._started:
-            self.k += self.ticker.due
-        self._send_sample()
+            self.k += periods
+        self.send_sample()
 
-    def _fire(self, _: list[float]) -> None:
+    def on_samples(self, values: list[float]) -> None:
         """Send the next sample on the measurement of this one."""
         self.k += 1
         if self.k < self.pacing.steps:
-            self._send_sample()
+            self.send_sample()
 
-    def _send_sample(self) -> None:
-        values = sample_reference(self._signal.value, self.k, self.pacing.rate)
+    def send_sample(self) -> None:
+        """Send r_k and its derivatives."""
+        samples = sample_reference(self._signal.value, self.k, self.pacing.rate)
         # The derivatives first: a controller takes those that came with or before the reference.
-        for sender, value in zip(reversed(self._senders), reversed(values)):
+        for sender, value in zip(reversed(self._senders), reversed(samples)):
             sender.send(value)
 
-    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
-        values: dict[str, object] = {'time': self.k / self.pacing.rate}
-        if self.lockstep is None:
-            values |= {'periods': self.ticker.periods, 'missed_periods': self.ticker.missed}
-        return OK, 'running' if self._started or self.lockstep else 'waiting for a command', values
-
-    def close(self) -> None:
-        """Let readers take what was sent."""
-        if self.lockstep is not None:
-            self.lockstep.flush()
+    def report(self) -> Report:
+        """Tell whether it has begun."""
+        running = self._started or self.lockstep is not None
+        values = {'time': self.k / self.pacing.rate}
+        return OK, 'running' if running else 'waiting for a command', values
 
 
 def _make_signal(values: dict[str, Any]) -> Signal:
@@ -101,8 +87,7 @@ def _make_signal(values: dict[str, Any]) -> Signal:
 
 def main() -> int:
     """Run the reference node."""
-    NodeParser('reference', DESCRIPTION, EXAMPLE).parse(sys.argv)
-    return run(lambda: ReferenceNode(arguments=sys.argv))
+    return run_command(ReferenceNode, _DESCRIPTION, _EXAMPLE)
 
 
 if __name__ == '__main__':

@@ -8,7 +8,7 @@ import time
 
 from nadrc_ros.ros.diagnostics import ERROR
 from nadrc_ros.ros.graph import publishers
-from nadrc_ros.ros.runtime import LiveNode
+from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.topics import Info, Input, receive, Sender
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 

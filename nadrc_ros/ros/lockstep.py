@@ -9,7 +9,6 @@ import time
 
 from nadrc_ros.ros.graph import missing_readers
 from nadrc_ros.ros.pacing import PacingSettings
-from nadrc_ros.ros.runtime import LiveNode
 from nadrc_ros.ros.topics import (
     Info,
     LOCKSTEP_RECEIVE,
@@ -18,6 +17,7 @@ from nadrc_ros.ros.topics import (
     Sender,
 )
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
 # rclpy has RCLError only in its extension module; every error of a publisher is a RuntimeError.
 PublishError = RuntimeError
@@ -28,7 +28,7 @@ BROKEN_OFF_WAIT = 0.1
 class LockstepSender(Sender):
     """A sender that waits for a reader whose history is full, and fails its node in the end."""
 
-    def __init__(self, node: LiveNode, topic: str, timeout: float) -> None:
+    def __init__(self, node: Node, topic: str, timeout: float) -> None:
         super().__init__(node, topic, LOCKSTEP_SEND)
         self._node = node
         self._timeout = timeout
@@ -80,10 +80,10 @@ class Lockstep:
 
     def __init__(
         self,
-        node: LiveNode,
+        node: Node,
         pacing: PacingSettings,
         fire: Callable[[list[float]], None],
-        start: Callable[[], None] = lambda: None,
+        start: Callable[[], None],
     ) -> None:
         self.fired = 0
         self.on_fired: Callable[[], None] = lambda: None

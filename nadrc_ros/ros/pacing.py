@@ -15,10 +15,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 # Samples that trigger steps are looked after so often [s].
-LONGEST_LOOK = 0.02
+_LONGEST_LOOK = 0.02
 # A timer is brought to its phase so soon after the start [s], to that share of the period, in so
 # many tries at most.
-ALIGNED_AFTER, TOLERABLE, ALIGNMENTS = 0.001, 0.02, 10
+_ALIGNED_AFTER, TOLERABLE, _ALIGNMENTS = 0.001, 0.02, 10
 
 
 @attrs.frozen(kw_only=True)
@@ -92,7 +92,7 @@ class PacingSettings:
         return readers
 
 
-class Beat:
+class SharedTimer:
     """
     A fixed-rate timer that calls its listeners in turn: ROS does not keep up with many timers.
 
@@ -109,10 +109,11 @@ class Beat:
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.clock = node.get_clock() if self._simulated else clock
         self.listeners: list[Callable[[], None]] = []
+        self.rate = rate
         self._period = round(1e9 / rate)
         self._offset = round(phase * self._period)
-        self._alignments = 0 if self._simulated else ALIGNMENTS
-        soon = min(1.0 / rate, ALIGNED_AFTER) if self._alignments else 1.0 / rate
+        self._alignments = 0 if self._simulated else _ALIGNMENTS
+        soon = min(1.0 / rate, _ALIGNED_AFTER) if self._alignments else 1.0 / rate
         self.timer = node.create_timer(soon, self._fire, clock=self.clock)
 
     def now(self) -> int:
@@ -150,32 +151,29 @@ class Ticker:
     ----------
     periods, missed
         How many ticks there were, and for how many periods there was none.
-    due
-        Periods since the last tick: more than 1 where some were missed.
 
     """
 
-    def __init__(self, beat: Beat, rate: float, tick: Callable[[float], None]) -> None:
-        self.now = beat.now
+    def __init__(self, timer: SharedTimer, tick: Callable[[float, int], None]) -> None:
+        self.now = timer.now
         self.periods = 0
         self.missed = 0
-        self.due = 1
-        self._period = 1.0 / rate
+        self._period = 1.0 / timer.rate
         self._tick = tick
         self._last = 0
         self._begin = 0
-        beat.listeners.append(self._fire)
+        timer.listeners.append(self._fire)
 
     def _fire(self) -> None:
-        self._tick(self._count())
+        self._tick(*self._count())
 
     def _start_from(self, now: int) -> None:
         """Let the next period be one that is not late."""
         self._begin = now - int((self.periods + self.missed) * self._period * 1e9)
 
-    def _count(self) -> float:
+    def _count(self) -> tuple[float, int]:
         """
-        Count a period and return the time since the last one [s].
+        Count a period; return the time [s] and the periods since the last one.
 
         It is counted against the clock, in which a late tick and an early one are no missed
         period.
@@ -189,8 +187,7 @@ class Ticker:
         counted = round((now - self._begin) * 1e-9 / self._period) + 1
         missed = max(0, counted - self.periods - self.missed)
         self.missed += missed
-        self.due = 1 + missed
-        return max(elapsed, 0.0)
+        return max(elapsed, 0.0), 1 + missed
 
 
 class SampleTicker(Ticker):
@@ -203,19 +200,19 @@ class SampleTicker(Ticker):
     late.
     """
 
-    def __init__(self, node: Node, beat: Beat, rate: float, tick: Callable[[float], None]) -> None:
-        super().__init__(beat, rate, tick)
-        self._timer = beat.timer
+    def __init__(self, node: Node, timer: SharedTimer, tick: Callable[[float, int], None]) -> None:
+        super().__init__(timer, tick)
+        self._timer = timer.timer
         self._heard = self.now()
         self._due = inf
         self._losses = Losses()
         self._lost = self._late = 0
         self._was_late = False
-        self._look_timer = node.create_timer(self._period, self._look, clock=beat.clock)
+        self._look_timer = node.create_timer(self._period, self._look, clock=timer.clock)
 
     def notice_within(self, seconds: float) -> None:
         """Notice silence after so many seconds, and a period; 0 is as late as it ever is."""
-        longest = min(LONGEST_LOOK, seconds - self._period) if seconds else LONGEST_LOOK
+        longest = min(_LONGEST_LOOK, seconds - self._period) if seconds else _LONGEST_LOOK
         self._look_timer.timer_period_ns = round(1e9 * max(self._period, longest))
 
     def count(self, number: int | None) -> None:

@@ -9,17 +9,16 @@ import re
 from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.ros.axes import axes_asked, axis_namespace
 from rclpy.node import Node
 
 # The nodes of this package, which may share a file.
-OURS = {'controller', 'plant', 'reference', 'recorder'}
-VALUES = 'ros__parameters'
+_OURS = {'controller', 'plant', 'reference', 'recorder'}
+_VALUES = 'ros__parameters'
 # As the last part of a key these name no node.
-WILDCARDS = {'*', '**'}
+_WILDCARDS = {'*', '**'}
 # What one argument says of one node: `node:parameter:=value`, `node:topic:=topic`.
-FLAGS = {'-p', '--param', '-r', '--remap'}
-FOR_A_NODE = re.compile(r'([\w/]+):[^/=:][^=:]*:=')
+_FLAGS = {'-p', '--param', '-r', '--remap'}
+_FOR_A_NODE = re.compile(r'([\w/]+):[^/=:][^=:]*:=')
 
 
 def refuse_malformed(arguments: Sequence[str]) -> None:
@@ -40,7 +39,7 @@ def refuse_malformed(arguments: Sequence[str]) -> None:
 
 
 def refuse_unheard(
-    node: Node, executable: str, arguments: Sequence[str], *, is_axis: bool
+    node: Node, executable: str, arguments: Sequence[str], axes: Sequence[str] = ()
 ) -> None:
     """
     Refuse what is given to this process, but for a node of another name or namespace.
@@ -58,8 +57,8 @@ def refuse_unheard(
         What the node is called unless it was renamed.
     arguments
         The command line.
-    is_axis
-        Whether there are several.
+    axes
+        The namespaces of all nodes of the process, where there may be several.
 
     Raises
     ------
@@ -69,21 +68,19 @@ def refuse_unheard(
     """
     name, full = node.get_name(), node.get_fully_qualified_name()
     for flag, rule in pairwise(arguments):
-        meant = FOR_A_NODE.match(rule) if flag in FLAGS else None
+        meant = _FOR_A_NODE.match(rule) if flag in _FLAGS else None
         if meant and meant[1].rpartition('/')[2] not in {name, executable}:
             raise UserError(f'{flag} {rule}: there is no {meant[1]} here, this is {full}')
-    here = [full]
-    if is_axis:
-        here = [f'{axis_namespace(axis, arguments)}/{name}' for axis in axes_asked(arguments)]
-        if full != here[0]:  # the first axis has looked for all
-            return
-    others = OURS - {name, executable}
+    here = [f'{space}/{name}' for space in axes] or [full]
+    if full != here[0]:  # the first axis has looked for all
+        return
+    others = _OURS - {name, executable}
     found: list[str] = []
     for file in _files(arguments):
         keys = _node_keys(file)
         meaning_us = [key for key in keys if any(_means(key, each) for each in here)]
         found += keys
-        if any(_last(key) not in WILDCARDS for key in meaning_us):
+        if any(_last(key) not in _WILDCARDS for key in meaning_us):
             continue
         strange = [key for key in keys if key not in meaning_us and _last(key) not in others]
         if strange or not keys:
@@ -103,7 +100,7 @@ def _files(arguments: Sequence[str]) -> list[str]:
 def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
     return UserError(
         f'{files}: parameters of {", ".join(keys) or "no node"} and none of {full}; for any '
-        f'namespace name them /**/{_last(full)} (with {VALUES}: {{}} if there are none)'
+        f'namespace name them /**/{_last(full)} (with {_VALUES}: {{}} if there are none)'
     )
 
 
@@ -139,15 +136,15 @@ def _node_keys(file: str) -> list[str]:
 def _keys(tree: Any, namespace: str = '') -> Iterator[str]:
     if not isinstance(tree, dict):
         where = namespace or 'the file'
-        raise UserError(f'{where} has a value that is not below the key {VALUES} of a node')
+        raise UserError(f'{where} has a value that is not below the key {_VALUES} of a node')
     for key, value in tree.items():
-        if key != VALUES:
+        if key != _VALUES:
             yield from _keys(value, f'{namespace}/{str(key).strip("/")}')
         elif isinstance(value, dict):
             _refuse_odd_lists(value)
             yield namespace
         else:
-            raise UserError(f'{VALUES} of {namespace} must be a mapping of names to values')
+            raise UserError(f'{_VALUES} of {namespace} must be a mapping of names to values')
 
 
 def _refuse_odd_lists(values: Mapping[Any, Any], above: str = '') -> None:

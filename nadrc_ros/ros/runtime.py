@@ -1,31 +1,25 @@
-"""How every executable of this package starts, spins and ends."""
+"""How a process of this package starts ROS, spins its nodes and ends."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+import fcntl
 from functools import partial
 import gc
 import os
+from pathlib import Path
 import signal
 import sys
+import tempfile
 import time
 import traceback
-from typing import Any, ClassVar, TypeVar
+from typing import IO
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.adrc.fields import build, declared
-from nadrc_ros.ros.diagnostics import Events, Remarks
-from nadrc_ros.ros.graph import InputWatch, Namesakes
-from nadrc_ros.ros.node_arguments import overrides, own_rules, rules_of, tell_unused
-from nadrc_ros.ros.pacing import PacingSettings
-from nadrc_ros.ros.parameter_files import refuse_malformed, refuse_unheard
-from nadrc_ros.ros.parameters import (
-    name_odd_type,
-    ParameterGroup,
-    refuse_unknown_types,
-    refuse_unsettable,
-)
-from nadrc_ros.ros.topics import Input
+from nadrc_ros.ros.arguments import NodeParser, rules_of, tell_unused
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.parameter_files import refuse_malformed
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
@@ -33,16 +27,16 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-T = TypeVar('T')
-POLL = 0.05
+# Whether all is over is looked at so often [s].
+_POLL = 0.05
 # So much longer than asked for may a spin take that waits for one callback [s].
-LONGEST_WAIT = 0.02
-LONG = 60.0
-STOP_TIME = 0.5
+_LONGEST_WAIT = 0.02
+_LONG = 60.0
+# The ramp to the safe command may take so long [s].
+_STOP_TIME = 0.5
 # The least life of a writer after its last message, for readers that do not acknowledge.
 LAST_WAIT = 0.1
 DESTROY_TIME = 0.2
@@ -53,136 +47,56 @@ TEAR_DOWN_TIME = 2.0
 LOCKED_UP = -signal.SIGALRM
 # RuntimeError is what rclpy makes of a malformed --params-file or --ros-args.
 BAD_START = (UserError, ParameterException, OSError, RuntimeError)
+# Above 101 the ports of a domain can be those that Linux gives to others.
+_DOMAINS = range(1, 101)
+# Open files hold the locks: of the domain that this process took, once it did.
+_taken: dict[int, IO[str]] = {}
 
 
-class LiveNode(Node):
+def private_domain(*, keep: bool = False) -> int:
     """
-    A node that can finish by itself, fail with a message, and stop in an orderly way.
+    Give this process, and those it starts, a ROS domain that no other process has.
 
-    Any number of them may share a process and an executor; a constructor touches nothing that
-    belongs to the process, and one that raises leaves nothing behind.
+    It sets ``ROS_DOMAIN_ID`` and ``ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`` in the environment,
+    so it has to come before rclpy is initialised. A locked file stands for each domain and frees
+    it with the process. Asked again, it gives the same domain.
 
     Parameters
     ----------
-    parameters : mapping
-        Values at the start, by name; a wrong one is refused as one in a parameter file is.
-    namespace, node_name
-        Where it is on the graph, if not in ``/`` and under its usual name.
-    context
-        Of the ROS context, the default one where it is None.
-    remappings
-        Names of topics and services to use instead of its own ones.
-    arguments
-        The command line of the process, where a parameter file in it has to be for this node.
-        What else it says is known to the context; what is given here wins over it.
+    keep
+        Whether a domain that the environment already names is used as it is.
 
     Raises
     ------
-    SettingError
-        For a parameter or a name that is refused.
+    UserError
+        When all domains are taken.
 
     """
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    if keep and 'ROS_DOMAIN_ID' in os.environ:
+        return int(os.environ['ROS_DOMAIN_ID'])
+    domain = next(iter(_taken), 0) or _take_domain()
+    os.environ['ROS_DOMAIN_ID'] = str(domain)
+    return domain
 
-    default_name: ClassVar[str]
 
-    def __init__(
-        self,
-        *,
-        parameters: Mapping[str, Any] | None = None,
-        namespace: str = '',
-        node_name: str = '',
-        context: Context | None = None,
-        remappings: Mapping[str, str] | None = None,
-        arguments: Sequence[str] = (),
-    ) -> None:
-        super().__init__(
-            self.default_name,
-            context=context,
-            cli_args=own_rules(namespace, node_name, remappings or {}),
-            parameter_overrides=overrides(parameters or {}),
-        )
-        self.arguments = arguments
-        # What it reads, to be watched in real time.
-        self.inputs: list[Input] = []
+def _take_domain() -> int:
+    for domain in _DOMAINS:
+        path = Path(tempfile.gettempdir(), f'nadrc_ros_domain_{domain}.lock')
+        with suppress(OSError):  # another user's: who may read it may lock it too
+            path.touch()
         try:
-            self.events = Events(self)
-            self.remarks = Remarks(self.get_logger(), event=self.events.tell)
-            # Called once per second.
-            self.checks: list[Callable[[], None]] = [Namesakes(self, self.remarks).look]
-            if arguments:
-                refuse_unheard(self, self.default_name, arguments, is_axis=bool(namespace))
-            self.pacing = ParameterGroup(
-                self, declared(PacingSettings), lambda values: build(PacingSettings, values)
-            ).value
-            self.scheduling = 'not asked for'
-            self.finished = False
-            self.failure = ''
-            self.told_to_stop = False
-            refuse_unknown_types(self)
-            self.set_up()
-            if not self.pacing.lockstep:
-                watch = InputWatch(self, self.inputs, self.remarks, self.pacing.period)
-                self.checks.append(watch.look)
-            tell_unused([self], [f'{old}:={new}' for old, new in (remappings or {}).items()])
-        except BaseException:
-            self.destroy_node()
-            raise
-
-    def set_up(self) -> None:
-        """Declare the other parameters and make all that the node consists of, files last."""
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> Any:
-        """Set all or none; what is refused is always named."""
-        result = refuse_unsettable(self, parameter_list)
-        if result is None:
-            result = super().set_parameters_atomically(parameter_list)
-            result = name_odd_type(self, parameter_list, result)
-        if not result.successful:
-            self.events.tell('refused', result.reason)
-        return result
-
-    def guarded(self, work: Callable[[T], None]) -> Callable[[T], None]:
-        """
-        Return ``work``, ending the node in one sentence where code of the user's in it fails.
-
-        That code is in files that parameters name. An exception must not leave a callback for
-        that, as the EventsExecutor prints all of its traceback.
-        """
-        values = [p.value for p in self._parameters.values()]
-        files = [os.path.abspath(v) for v in values if isinstance(v, str) and v.endswith('.py')]
-        if not files:
-            return work
-        from nadrc_ros.scenario.user_code import blame
-
-        def guard(argument: T) -> None:
-            try:
-                with blame(*files):
-                    work(argument)
-            except UserError as error:
-                self.fail(str(error))
-
-        return guard
-
-    def fail(self, message: str) -> None:
-        """End the process with exit code 1 and this message."""
-        if not self.failure:
-            self.failure = message
-            self.get_logger().error(message)
-        self.finished = True
-
-    def begin_stop(self) -> None:
-        """Start to stop; the executor goes on until ``stopped`` or for at most STOP_TIME."""
-
-    @property
-    def stopped(self) -> bool:
-        """Tell whether nothing is left to be done by callbacks."""
-        return True
-
-    def close(self) -> None:
-        """Do what is left, without callbacks: the last command, the last file."""
-
-    def await_delivery(self, seconds: float) -> None:
-        """Wait, but not for longer, until what ``close`` sent has arrived."""
+            lock = path.open()
+        except OSError:
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        _taken[domain] = lock
+        return domain
+    raise UserError(f'all ROS domains from {_DOMAINS[0]} to {_DOMAINS[-1]} are taken')
 
 
 def make_executor(context: Context | None = None) -> Executor:
@@ -209,7 +123,7 @@ def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> 
         return
     end = time.monotonic() + seconds
     while not done.done() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=min(seconds, LONGEST_WAIT))
+        executor.spin_once(timeout_sec=min(seconds, _LONGEST_WAIT))
 
 
 def stop_signals() -> list[int]:
@@ -226,7 +140,7 @@ def stop_signals() -> list[int]:
 
 def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> None:
     """
-    Run callbacks until ``over()``, which is looked at every POLL seconds.
+    Run callbacks until ``over()``, which is looked at every _POLL seconds.
 
     It is a timer of the node that looks, as each return from a spin of the EventsExecutor leaks
     memory in rclpy 7.1.6; its ``spin_once`` does not, but misses periods of fast timers.
@@ -237,9 +151,9 @@ def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> No
         if over():
             done.set_result(None)
 
-    node.create_timer(POLL, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    node.create_timer(_POLL, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
     while not done.done():
-        spin_for(executor, LONG, done)
+        spin_for(executor, _LONG, done)
 
 
 def init_ros(arguments: list[str] | None = None, context: Context | None = None) -> None:
@@ -271,6 +185,12 @@ def _no_log_file() -> str:
     except OSError as error:
         return f'{folder}: {error.strerror}: {remedy}'
     return '' if os.access(folder, os.W_OK | os.X_OK) else f'{folder}: not writable: {remedy}'
+
+
+def run_command(kind: type[LiveNode], description: str, examples: str) -> int:
+    """Run one node of a kind as its executable does, and return the exit code."""
+    NodeParser(kind.default_name, description, examples).parse(sys.argv)
+    return run(lambda: kind(arguments=sys.argv))
 
 
 def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
@@ -312,7 +232,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     try:
         spin_until(executor, nodes[0], lambda: signals or _over(nodes))
         end = _begin_stop(nodes)
-        ramped = time.monotonic() + STOP_TIME
+        ramped = time.monotonic() + _STOP_TIME
         while not all(node.stopped for node in nodes) and time.monotonic() < ramped:
             spin_for(executor, 0.01)
     except Exception:

@@ -4,7 +4,7 @@ What a test or a script of a user's needs to run the nodes in its own process, w
 The public names are those of ``__all__``; they stay.
 """
 
-from nadrc_ros.ros.domain import private_domain
+from nadrc_ros.ros.runtime import private_domain
 from nadrc_ros.testing.loops import loop, scenario_loop
 from nadrc_ros.testing.running_loop import RunningLoop, spin_until
 

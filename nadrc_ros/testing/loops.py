@@ -15,12 +15,12 @@ from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.demo.graph import command_timeout, node_parameters, pacing, recorder_parameters
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
-from nadrc_ros.ros.domain import private_domain
-from nadrc_ros.ros.runtime import init_ros, LiveNode, make_executor
+from nadrc_ros.nodes.wiring import LoopSettings
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.runtime import init_ros, make_executor, private_domain
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.testing.running_loop import RunningLoop

@@ -19,9 +19,10 @@ from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.records.history import Event, read_history
 from nadrc_ros.records.recorded_run import referred
 from nadrc_ros.records.recording import read_samples
+from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.lockstep import Lockstep
-from nadrc_ros.ros.node_arguments import overrides
-from nadrc_ros.ros.runtime import LiveNode, spin_for
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.runtime import spin_for
 from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import first_period
 from nadrc_ros.simulation.simulate import Result

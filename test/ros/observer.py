@@ -15,7 +15,8 @@ import time
 from typing import Any, TextIO
 
 from diagnostic_msgs.msg import DiagnosticArray
-from nadrc_ros.ros.runtime import LiveNode, run
+from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.runtime import run
 from nadrc_ros.ros.topics import receive, RECORD
 from rclpy.utilities import remove_ros_args
 

@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-from nadrc_ros.ros.axes import axis_namespace
+from nadrc_ros.nodes.wiring import axis_namespace
 from nadrc_ros.ros.runtime import LOCKED_UP
 from probe import NodeProcess, parameter_file, Probe, Processes
 import pytest
@@ -39,7 +39,7 @@ def tick(self, *arguments):
     if self.controller.settings.good_samples == 7:
         raise ZeroDivisionError('on purpose')
 
-original, ControllerNode._tick = ControllerNode._tick, tick
+original, ControllerNode._take_sample = ControllerNode._take_sample, tick
 raise SystemExit(run(lambda: make_axes(sys.argv)))
 """
 # Slack for a machine that has other things to do; promised is 1 s.

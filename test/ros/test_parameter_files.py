@@ -20,7 +20,7 @@ def refusal(probe: Probe, *arguments: str, executable: str = 'probe') -> str:
     command = ['node', '--ros-args', *arguments]
     try:
         refuse_malformed(command)
-        refuse_unheard(probe.node, executable, command, is_axis=False)
+        refuse_unheard(probe.node, executable, command)
     except UserError as error:
         return str(error)
     return ''
@@ -99,7 +99,10 @@ def test_what_a_node_shows_starts_one_of_another_name_and_namespace(
     file = parameter_file(file, {'/**/yaw': shown | {reliable: 'reliable'}})
     process = start('controller', *moved, namespace=f'{start.namespace}/leg', file=file)
     assert process.end() == 1
-    assert f"{reliable} = 'reliable': must be a parameter of yaw: qos_over" in process.said
+    assert (
+        f"{reliable} = 'reliable': must be a parameter of yaw: did you mean qos_over"
+        in process.said
+    )
 
 
 def test_p13_a_file_for_our_other_nodes_alone_is_no_secret(

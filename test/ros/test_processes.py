@@ -29,8 +29,8 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.ros.runtime import run
 
 class Counted(ControllerNode):
-    def _tick(self, *arguments):
-        super()._tick(*arguments)
+    def _take_sample(self, *arguments):
+        super()._take_sample(*arguments)
         self.finished = self.ticker.periods >= 20
 
 code = run(Counted)

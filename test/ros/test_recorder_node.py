@@ -48,7 +48,7 @@ def test_a_lost_measurement_leaves_a_gap_and_is_counted(
     feed.sample()
     lost = feed.intake.lost
     assert lost == {'reference': 0, 'measurement': 1, 'command': 2, 'output': 0}
-    assert feed.recorder._report()[0] == WARN
+    assert feed.recorder.report()[0] == WARN
     assert feed.probe.trigger('recorder/save').success
     summary = json.loads((feed.recorder.folder.path / SUMMARY).read_text())
     assert summary['samples_lost'] == 3
@@ -101,11 +101,10 @@ def test_without_publication_numbers_losses_are_unknown(
 ) -> None:
     feed = Feed(make_probe, tmp_path)
     feed.sample()
-    assert feed.recorder._report()[2]['samples_lost'] == 0
+    assert feed.recorder.report()[2]['samples_lost'] == 0
     stamps = {'source_timestamp': 0, 'received_timestamp': 0}
-    take = feed.intake._taker('output')
-    take(1.0, {**stamps, 'publication_sequence_number': None})
-    assert feed.recorder._report()[2]['samples_lost'] == 'unknown'
+    feed.intake.take('output', 1.0, {**stamps, 'publication_sequence_number': None})
+    assert feed.recorder.report()[2]['samples_lost'] == 'unknown'
     assert feed.recorder._summary()['samples_lost'] is None
     assert feed.recorder._summary()['samples_lost_by_signal'] is None
 
@@ -115,19 +114,19 @@ def test_a_jump_of_a_publishers_clock_is_told(
 ) -> None:
     feed = Feed(make_probe, tmp_path)
     feed.samples(5)
-    assert feed.recorder._report()[2]['clock_jumps'] == 0
+    assert feed.recorder.report()[2]['clock_jumps'] == 0
     stamp = feed.recorder.get_clock().now().nanoseconds - 3600 * 10**9
     number = feed.intake.losses['output'].newest + 1
     info = {'source_timestamp': stamp, 'received_timestamp': stamp}
-    feed.intake._taker('output')(0.5, {**info, 'publication_sequence_number': number})
-    assert feed.recorder._report()[2]['clock_jumps'] == 1
+    feed.intake.take('output', 0.5, {**info, 'publication_sequence_number': number})
+    assert feed.recorder.report()[2]['clock_jumps'] == 1
     folder = feed.recorder.folder.path
     assert feed.summary()['rows'] == 5
     (event,) = read_history(folder).events
     assert event.kind == 'clock_jump'
     assert event.message == 'the clock that stamps output jumped'
     assert 0.0 < (event.time or 0.0) < 1.0
-    assert feed.recorder._report()[2]['clock_jumps'] == 0
+    assert feed.recorder.report()[2]['clock_jumps'] == 0
 
 
 def test_reset_opens_a_new_run_and_touches_no_old_one(

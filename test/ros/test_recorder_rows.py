@@ -90,7 +90,7 @@ def test_silence_of_all_is_in_no_figure_and_told(
     feed.probe.spin(1.0)
     feed.samples(20)
     feed.rows(30)
-    level, message, values = feed.recorder._report()
+    level, message, values = feed.recorder.report()
     assert level == WARN
     assert message.endswith('s without a measurement or a true output are in no figure')
     assert values['gap_time'] == pytest.approx(1.0, abs=0.3)

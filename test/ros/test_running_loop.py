@@ -333,7 +333,7 @@ def test_a_loop_joins_an_executor_and_a_context_of_ones_own() -> None:
 
 DOMAIN = """
 import os, sys
-from nadrc_ros.ros.domain import private_domain
+from nadrc_ros.ros.runtime import private_domain
 domain = private_domain()
 assert os.environ['ROS_DOMAIN_ID'] == str(domain) == str(private_domain())
 assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'

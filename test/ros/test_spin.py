@@ -8,7 +8,7 @@ import gc
 import sys
 import time
 
-from nadrc_ros.ros.pacing import Beat, TOLERABLE
+from nadrc_ros.ros.pacing import SharedTimer, TOLERABLE
 from nadrc_ros.ros.runtime import make_executor, spin_for, spin_until
 from probe import Probe
 import pytest
@@ -39,20 +39,20 @@ def test_p20_no_callback_leaves_memory_behind(
 
 
 @pytest.mark.parametrize(('rate', 'phase'), [(100.0, 0.0), (100.0, 0.5), (30.0, 0.5)])
-def test_a_beat_is_in_phase_with_those_of_other_nodes(
+def test_a_timer_is_in_phase_with_those_of_other_nodes(
     make_probe: Callable[..., Probe], rate: float, phase: float
 ) -> None:
     """Each ms that r leaves before y cost the demo 0.9 % of its ITAE against the simulation."""
     probe = make_probe()
     time.sleep(0.013)
-    beat, heard = Beat(probe.node, rate, phase=phase), []
-    beat.listeners.append(lambda: heard.append(beat.now()))
+    timer, heard = SharedTimer(probe.node, rate, phase=phase), []
+    timer.listeners.append(lambda: heard.append(timer.now()))
     time.sleep(0.05)  # as a node that has more to set up
     probe.wait_until(lambda: len(heard) > 5)
     period = 1e9 / rate
     off = [
-        (before + beat.timer.time_until_next_call()) / period - phase
-        for before in (beat.now() for _ in range(20))
+        (before + timer.timer.time_until_next_call()) / period - phase
+        for before in (timer.now() for _ in range(20))
     ]
     assert min(abs(each - round(each)) for each in off) < TOLERABLE + 0.01
     probe.wait_until(lambda: len(heard) > 10)

@@ -33,8 +33,8 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.ros.runtime import run
 
 class Broken(ControllerNode):
-    def _tick(self, *arguments):
-        super()._tick(*arguments)
+    def _take_sample(self, *arguments):
+        super()._take_sample(*arguments)
         if self.controller.settings.good_samples == 7:
             raise ZeroDivisionError('on purpose')
 
@@ -54,9 +54,9 @@ raise SystemExit(run(LockedUp))
 # As many nodes of one process take longer to destroy than one that is locked up may.
 MANY = """
 import time
-from nadrc_ros.ros import runtime
+from nadrc_ros.ros import node, runtime
 
-class Slow(runtime.LiveNode):
+class Slow(node.LiveNode):
     default_name = 'slow'
 
     def destroy_node(self):
@@ -70,9 +70,9 @@ raise SystemExit(runtime.run(lambda: [Slow(node_name=f'n{{i}}') for i in range(1
 """
 LASTING = """
 import time
-from nadrc_ros.ros import runtime
+from nadrc_ros.ros import node, runtime
 
-class Lasting(runtime.LiveNode):
+class Lasting(node.LiveNode):
     default_name = 'lasting'
 
     def close(self):

@@ -16,8 +16,8 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
-from nadrc_ros.ros.node_arguments import rules_of, tell_unused
-from nadrc_ros.ros.runtime import LiveNode
+from nadrc_ros.ros.arguments import rules_of, tell_unused
+from nadrc_ros.ros.node import LiveNode
 from probe import parameter_file, Probe
 import pytest
 from rclpy.context import Context

@@ -1,11 +1,12 @@
-"""What the constructor of a node takes, as rclpy wants it: names and remappings, parameters."""
+"""What a node is told by who starts it: on the command line, and in its constructor."""
 
 from __future__ import annotations
 
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 import re
-from typing import Any
+from typing import Any, NoReturn
 
 from nadrc_ros.adrc.errors import near_to, SettingError
 from rclpy.node import Node
@@ -14,16 +15,65 @@ from rclpy.parameter import Parameter
 NAME = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]*')
 IN_A_NAME = 'letters, digits and single _, and no digit first'
 # As rcl reads them; what the name of a topic may be, rcl says itself.
-SIDE_OF_RULE = re.compile('[^:=\\s]+')
-REMAP = {'-r', '--remap'}
+_SIDE_OF_RULE = re.compile('[^:=\\s]+')
+_REMAP = {'-r', '--remap'}
 # What one remaps for all nodes of a machine at once, whether or not they have it.
-COMMON = {
+_COMMON = {
     *('reference', 'reference/rate', 'reference/acceleration', 'measurement', 'command'),
     *('clock', 'diagnostics', 'parameter_events', 'rosout', 'tf', 'tf_static'),
 }
-CLOSE = 0.75
+_ALIKE = 0.75
 # What rclpy itself asks of a node, half of which would be left there by its own refusal.
-FLAGS = ('use_sim_time', 'start_type_description_service')
+_FLAGS = ('use_sim_time', 'start_type_description_service')
+
+_ABOUT_PARAMETERS = """
+All parameters, with ranges and units: docs/parameters.md, or `ros2 param describe` while it runs.
+
+examples:
+"""
+
+
+class NodeParser(ArgumentParser):
+    """
+    Parses what is on the command line of a node beside the arguments of ROS.
+
+    Parameters
+    ----------
+    executable, description
+        Of the node.
+    examples : str
+        Command lines, one a line.
+
+    """
+
+    def __init__(self, executable: str, description: str, examples: str) -> None:
+        super().__init__(
+            prog=executable,
+            description=description,
+            epilog=_ABOUT_PARAMETERS + examples.strip('\n'),
+            formatter_class=RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+
+    def parse(self, command: Sequence[str]) -> Namespace:
+        """Parse; exit after showing the help, or with 2 for what is for nobody."""
+        from rclpy.utilities import remove_ros_args
+
+        for before, rule in pairwise(command):
+            if ':=' in rule and (not before.startswith('-') or before in {'--', '--ros-args'}):
+                self.error(f'{rule} has no -p or -r before it')
+        try:
+            rest = remove_ros_args(list(command))[1:]
+        except RuntimeError:  # ROS will not start with these, and says why
+            rest = []
+        return self.parse_args(rest)
+
+    def error(self, message: str) -> NoReturn:
+        """End with exit code 2."""
+        super().error(
+            f'{message}\nROS takes what comes after --ros-args: `-p name:=value` is a parameter, '
+            '`-r topic:=other` a remapping'
+        )
 
 
 def own_rules(namespace: str, node_name: str, remappings: Mapping[str, str]) -> list[str] | None:
@@ -49,7 +99,7 @@ def own_rules(namespace: str, node_name: str, remappings: Mapping[str, str]) -> 
         rules.append(f'__node:={node_name}')
     for old, new in remappings.items():
         for side in (old, new):
-            if not SIDE_OF_RULE.fullmatch(side):
+            if not _SIDE_OF_RULE.fullmatch(side):
                 raise SettingError('remappings', side, 'the name of a topic or a service')
         rules.append(f'{old}:={new}')
     return ['--ros-args', *(part for rule in rules for part in ('-r', rule))] if rules else None
@@ -57,7 +107,7 @@ def own_rules(namespace: str, node_name: str, remappings: Mapping[str, str]) -> 
 
 def rules_of(arguments: Sequence[str]) -> list[str]:
     """Return the remappings on a command line."""
-    return [rule for flag, rule in pairwise(arguments) if flag in REMAP and ':=' in rule]
+    return [rule for flag, rule in pairwise(arguments) if flag in _REMAP and ':=' in rule]
 
 
 def tell_unused(nodes: Sequence[Node], rules: Iterable[str]) -> None:
@@ -66,13 +116,13 @@ def tell_unused(nodes: Sequence[Node], rules: Iterable[str]) -> None:
     for rule in rules:
         left, _, new = rule.partition(':=')
         old = left.rpartition(':')[2].removeprefix('//')  # without a node or a kind before it
-        if old.startswith('__') or old.lstrip('/') in COMMON or old in told:
+        if old.startswith('__') or old.lstrip('/') in _COMMON or old in told:
             continue
         told.add(old)  # of two rules for one name the first one counts
         if any(node.resolve_topic_name(new, only_expand=True) in _names(node) for node in nodes):
             continue
         known = {form for node in nodes for name in _names(node) for form in _forms(node, name)}
-        near = near_to(old, sorted(known), CLOSE)
+        near = near_to(old, sorted(known), _ALIKE)
         log, who = nodes[0].get_logger(), ', '.join(n.get_fully_qualified_name() for n in nodes)
         text = f'-r {rule}: no topic or service of {who} is called {old}'
         if near:
@@ -113,7 +163,7 @@ def overrides(parameters: Mapping[str, Any]) -> list[Parameter]:
             parameter = Parameter(name)
         if parameter.type_ == Parameter.Type.NOT_SET:
             raise SettingError(name, value, 'true or false, a number, a string or a list of one')
-        if name in FLAGS and parameter.type_ != Parameter.Type.BOOL:
+        if name in _FLAGS and parameter.type_ != Parameter.Type.BOOL:
             raise SettingError(name, value, 'true or false')
         made.append(parameter)
     return made

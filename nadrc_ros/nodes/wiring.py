@@ -1,21 +1,22 @@
-"""Several axes in one process: their names, the namespaces these stand for, what they share."""
+"""How controllers are wired into the graph: what starts a step, and several axes in a process."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import re
 
+import attrs
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.ros.command_line import NodeParser
-from nadrc_ros.ros.node_arguments import IN_A_NAME, NAME
+from nadrc_ros.adrc.fields import choice, flag, integer, text
+from nadrc_ros.ros.arguments import IN_A_NAME, NAME, NodeParser
 from rclpy.node import Node
 
 # What gives the namespace; of several rules the first one counts.
-NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
+_NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
 # What one timer, and one way to be triggered, leave no choice in.
-SHARED = ('pacing', 'trigger', 'use_sim_time')
-DESCRIPTION = 'ADRC of one axis, or of several in one process.'
-EXAMPLES = """
+_SHARED = ('pacing', 'trigger', 'use_sim_time')
+_DESCRIPTION = 'ADRC of one axis, or of several in one process.'
+_EXAMPLES = """
   ros2 run nadrc_ros controller --ros-args -p b0:=2.0
   ros2 run nadrc_ros controller --axes x y z --ros-args -r __ns:=/robot --params-file axes.yaml
 
@@ -28,9 +29,38 @@ send their safe command, and the process ends.
 """
 
 
+@attrs.frozen(kw_only=True)
+class LoopSettings:
+    """How the controller is wired into the graph; fixed at start."""
+
+    trigger: str = choice(
+        'timer',
+        ('timer', 'measurement'),
+        'what starts a step: a fixed-rate timer, or each received measurement',
+        live=False,
+    )
+    enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
+    share_command: bool = flag(
+        False,
+        'whether to command beside another node; if not, who hears another before its first '
+        'command, or up to 5 s later and has sent fewer, is disabled',
+        live=False,
+    )
+    estimate_divisor: int = integer(
+        1,
+        1,
+        10000,
+        'estimates are published with every N-th command; lockstep publishes all',
+        live=False,
+    )
+    trace: str = text(
+        '', 'new file for one record per step, from which the run can be replayed', live=False
+    )
+
+
 def axes_parser() -> NodeParser:
     """Return what parses the command line of controllers."""
-    parser = NodeParser('controller', DESCRIPTION, EXAMPLES)
+    parser = NodeParser('controller', _DESCRIPTION, _EXAMPLES)
     parser.add_argument(
         '--axes', nargs='+', metavar='NAME', default=[], help='one controller for each name'
     )
@@ -58,7 +88,7 @@ def axes_asked(arguments: Sequence[str]) -> list[str]:
 
 def axis_namespace(name: str, arguments: Sequence[str]) -> str:
     """Return the namespace of an axis, inside the one that the command line gives."""
-    rules = filter(None, map(NAMESPACE_RULE.fullmatch, arguments))
+    rules = filter(None, map(_NAMESPACE_RULE.fullmatch, arguments))
     base = next((rule[1] for rule in rules), '/')
     return f'{base.rstrip("/")}/{name}'
 
@@ -74,7 +104,7 @@ def refuse_unequal(first: Node, other: Node) -> None:
 
     """
     timed = first.get_parameter('trigger').value == 'timer'
-    for name in (*SHARED, 'rate') if timed else SHARED:
+    for name in (*_SHARED, 'rate') if timed else _SHARED:
         values = [node.get_parameter(name).value for node in (first, other)]
         if values[0] != values[1]:
             nodes = [node.get_fully_qualified_name() for node in (first, other)]
