@@ -22,7 +22,7 @@ from bench.results import over, save, show
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.state import blank_state, init
+from nadrc_ros.adrc.state import blank_state, start
 import numpy as np
 import numpy.typing as npt
 
@@ -54,7 +54,8 @@ def ours(levels: int, order: int) -> Block:
         command_rate_limit=RATE_LIMIT,
     )
     design = make_design(settings)
-    state, spare, u = init(design, 0.0, 0.0, 1.0), blank_state(design), 0.0
+    state, spare, u = blank_state(design), blank_state(design), 0.0
+    start(design, 0.0, u, 1.0, state)
     reference = [1.0] + [0.0] * order
 
     def block(measurements: list[float], periods: list[float]) -> list[int]:

@@ -14,7 +14,8 @@ from marked import filled
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode, PolicyState, Stall, supervise
+from nadrc_ros.adrc.status import Cause, Mode
+from nadrc_ros.adrc.supervisor import PolicyState, Stall, supervise
 from states import draw
 
 PAGE = Path(__file__).with_name('safety.md')

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.adrc.status import Mode
 from nadrc_ros.testing import loop
 import pytest
 from rclpy.executors import Executor, SingleThreadedExecutor

@@ -13,7 +13,7 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.state import blank_state, init, State
+from nadrc_ros.adrc.state import blank_state, start, State
 from nadrc_ros.adrc.structures import STRUCTURES
 
 NAN = float('nan')
@@ -50,6 +50,13 @@ def copy_of(state: State) -> State:
         [list(row) for row in state.scratch],
     ]
     return State(*copy)
+
+
+def init(design: Design, y: float, u: float, r: float | None = None) -> State:
+    """Return the state at rest at y under u; the reference defaults to y."""
+    state = blank_state(design)
+    start(design, y, u, y if r is None else r, state)
+    return state
 
 
 class Law:

@@ -22,8 +22,7 @@ from law_helpers import (
 )
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.adrc.status import Mode, Status
 import numpy as np
 import pytest
 

@@ -7,7 +7,7 @@ from math import comb, exp, factorial, log, pi, sin
 
 from law_helpers import design_of, Observer, ORDERS
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.gains import observer_gains
+from nadrc_ros.theory.model import observer_gains
 from nadrc_ros.theory.system import is_stable
 import pytest
 from theory_helpers import observer as transfer_function

@@ -13,6 +13,7 @@ from law_helpers import (
     copy_of,
     design_of,
     INF,
+    init,
     Law,
     NAMES,
     NAN,
@@ -23,7 +24,7 @@ from law_helpers import (
 )
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.limiter import clamp, limit
-from nadrc_ros.adrc.state import blank_state, init, match_command, raw_command, start
+from nadrc_ros.adrc.state import blank_state, match_command, raw_command, start
 from nadrc_ros.adrc.status import Status
 import pytest
 

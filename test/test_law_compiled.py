@@ -9,7 +9,8 @@ from law_helpers import design_of, NAN, state_bits, varied_settings
 from nadrc_ros.adrc import tick as law
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.adrc.supervisor import Mode, PolicyState, Stall
+from nadrc_ros.adrc.status import Mode
+from nadrc_ros.adrc.supervisor import PolicyState, Stall
 from nadrc_ros.simulation.compiled import share_law
 from nadrc_ros.simulation.kernel import tuple_of
 import numba

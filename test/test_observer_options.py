@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import exp, sin
 
 from law_helpers import design_of, Law, state_bits
-from nadrc_ros.adrc.gains import observer_gains
+from nadrc_ros.theory.model import observer_gains
 import pytest
 
 

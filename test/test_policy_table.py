@@ -9,7 +9,8 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode, PolicyState, Stall, supervise
+from nadrc_ros.adrc.status import Cause, Mode
+from nadrc_ros.adrc.supervisor import PolicyState, Stall, supervise
 import pytest
 
 H = 0.01

@@ -14,8 +14,7 @@ from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.limiter import limit
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import raw_command
-from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode, Status
 import pytest
 
 H = 0.01

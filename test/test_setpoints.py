@@ -12,8 +12,7 @@ from law_helpers import at_least, Chain
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode, Status
 import pytest
 
 H = 0.1

@@ -12,8 +12,7 @@ from law_helpers import Chain, INF, NAN, varied_settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
 from nadrc_ros.adrc.state import State
-from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.adrc.status import Mode, Status
 import pytest
 
 STEPS = {True: 10_000_000, False: 75_000}

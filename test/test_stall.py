@@ -8,7 +8,7 @@ from typing import Any
 from law_helpers import Chain, noise
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode
 import pytest
 
 H = 0.1

@@ -9,8 +9,7 @@ from law_helpers import Chain, state_bits
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
-from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Cause
+from nadrc_ros.adrc.status import Cause, Status
 from nadrc_ros.adrc.transfer import restart_profile
 import pytest
 

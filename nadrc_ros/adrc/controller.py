@@ -12,8 +12,8 @@ from nadrc_ros.adrc.limiter import clamp
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
 from nadrc_ros.adrc.state import blank_state, disturbance_estimate, output_estimate
-from nadrc_ros.adrc.status import NO_MEASUREMENT, RESTARTED, Status
-from nadrc_ros.adrc.supervisor import Cause, Mode, MODE_OK, PolicyState, SAFE
+from nadrc_ros.adrc.status import Cause, Mode, MODE_OK, NO_MEASUREMENT, RESTARTED, SAFE, Status
+from nadrc_ros.adrc.supervisor import PolicyState
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.adrc.transfer import adopt_reference, retune
 

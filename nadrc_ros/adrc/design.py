@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import MutableSequence
 from math import comb
-from typing import cast
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.gains import equal_pole_matrix, inversion_matrix
@@ -68,7 +68,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
 
 
 def make_design(settings: ControllerSettings) -> Design:
-    """Work the settings out into a :class:`Design`."""
+    """Work the settings out into a :class:`Design`; one of the same name is taken as it is."""
     structure = STRUCTURES[settings.structure]
     order = settings.plant_order
     levels = structure.levels(settings.levels)
@@ -77,50 +77,31 @@ def make_design(settings: ControllerSettings) -> Design:
     ratios += [ratios[-1]] * (states - len(ratios))
     equal_poles = len(set(ratios)) == 1
     scale = ratios[0] if equal_poles else 1.0
-    return Design(
-        order=order,
-        states=states,
-        levels=levels,
-        b0=settings.b0,
-        bandwidths=[scale * w for w in bandwidths(settings, levels)],
-        reach=list(structure.reach(levels)),
-        cancelled=structure.cancelled(levels),
-        chained=structure.chained,
-        nonlinear=structure.nonlinear,
-        eso_delta=settings.eso_delta,
-        startup_time=settings.startup_time,
-        equal_poles=equal_poles,
-        pole_ratios=ratios,
-        gain_factor=settings.observer_gain_factor,
-        gain_matrix=_scaled(
-            equal_pole_matrix(states) if equal_poles else inversion_matrix(states),
-            settings.observer_gain_factor,
-        ),
-        error_based=settings.error_based,
-        no_reference=[0.0] * (order + 1),
-        tracking_acceleration=settings.tracking_acceleration,
-        linear=settings.feedback == 'linear',
-        controller_bandwidth=settings.controller_bandwidth,
-        feedback_gains=feedback_gains(settings),
-        exponents=_per_state(settings.fal_exponents, order),
-        delta=settings.fal_delta,
-        feedback_level=_level_index(settings.feedback_level, levels),
-        command_min=settings.command_min,
-        command_max=settings.command_max,
-        command_rate_limit=settings.command_rate_limit,
-        safe_command=settings.safe_command,
-        measurement_min=settings.measurement_min,
-        measurement_max=settings.measurement_max,
-        reference_min=settings.reference_min,
-        reference_max=settings.reference_max,
-        max_dt=settings.max_dt,
-        measurement_timeout=settings.measurement_timeout,
-        reference_timeout=settings.reference_timeout,
-        hold_time=settings.hold_time,
-        good_samples=settings.good_samples,
-        stall_time=settings.stall_time,
-        stall_stops=settings.stall_action == 'fault',
-    )
+    matrix = equal_pole_matrix(states) if equal_poles else inversion_matrix(states)
+    factor = settings.observer_gain_factor
+    worked_out: dict[str, Any] = {
+        'order': order,
+        'states': states,
+        'levels': levels,
+        'bandwidths': [scale * w for w in bandwidths(settings, levels)],
+        'reach': list(structure.reach(levels)),
+        'cancelled': structure.cancelled(levels),
+        'chained': structure.chained,
+        'nonlinear': structure.nonlinear,
+        'equal_poles': equal_poles,
+        'pole_ratios': ratios,
+        'gain_factor': factor,
+        'gain_matrix': [[factor * value for value in row] for row in matrix],
+        'no_reference': [0.0] * (order + 1),
+        'linear': settings.feedback == 'linear',
+        'feedback_gains': feedback_gains(settings),
+        'exponents': _per_state(settings.fal_exponents, order),
+        'delta': settings.fal_delta,
+        'feedback_level': _level_index(settings.feedback_level, levels),
+        'stall_stops': settings.stall_action == 'fault',
+    }
+    names = {field.name for field in attrs.fields(Design)} - worked_out.keys()
+    return Design(**{name: getattr(settings, name) for name in names}, **worked_out)
 
 
 def bandwidths(settings: ControllerSettings, levels: int) -> list[float]:
@@ -139,10 +120,6 @@ def feedback_gains(settings: ControllerSettings) -> list[float]:
         return linear
     explicit = _per_state(settings.fal_gains, n)
     return [k if k > 0.0 else default for k, default in zip(explicit, linear, strict=True)]
-
-
-def _scaled(matrix: list[list[float]], factor: float) -> Matrix:
-    return cast(Matrix, [[factor * value for value in row] for row in matrix])
 
 
 def _per_state(values: tuple[float, ...], order: int) -> list[float]:

@@ -58,20 +58,3 @@ def equal_pole_matrix(states: int) -> list[list[float]]:
         [value * comb(states, q + 1) for q, value in enumerate(row)]
         for row in inversion_matrix(states)
     ]
-
-
-def observer_gains(states: int, h: float, poles: list[float]) -> list[float]:
-    """
-    Return the gains L, shape (N,), of the current observer with the given discrete poles.
-
-    The law itself evaluates the same matrices in ``observer``; this form is for design and
-    tests. Units: l_i is [1/s^i]. Source: module docstring.
-    """
-    sigma = [1.0] + [0.0] * states
-    for pole in poles:
-        for q in range(states, 0, -1):
-            sigma[q] += (1.0 - pole) * sigma[q - 1]
-    return [
-        sum(row[q] * sigma[q + 1] for q in range(i, states)) / h**i
-        for i, row in enumerate(inversion_matrix(states))
-    ]

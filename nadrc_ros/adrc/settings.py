@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
@@ -28,6 +30,18 @@ STEEPEST = 1e24
 REFERENCE_DERIVATIVES = 2
 
 
+def _signal(default: float, unit: str, description: str, **more: bool) -> Any:
+    return number(default, SMALLEST, LARGEST, unit, description, **more)
+
+
+def _bandwidth(default: float, description: str) -> Any:
+    return number(default, SLOWEST, FASTEST, 'rad/s', description)
+
+
+def _seconds(default: float, description: str) -> Any:
+    return number(default, 0.0, LONGEST, 's', description)
+
+
 @attrs.frozen(kw_only=True)
 class ControllerSettings:
     """
@@ -44,28 +58,17 @@ class ControllerSettings:
     plant_order: int = integer(
         2, 1, 5, 'order n of the plant: y^(n) = b0 u + total disturbance', live=False
     )
-    b0: float = number(
-        1.0,
-        SMALLEST,
-        LARGEST,
-        'y^(n) per unit command',
-        'nominal input gain of the plant',
-        nonzero=True,
+    b0: float = _signal(
+        1.0, 'y^(n) per unit command', 'nominal input gain of the plant', nonzero=True
     )
     structure: str = choice(
         'nested',
         tuple(STRUCTURES),
         'observer: ' + '; '.join(f'{name} = {s.description}' for name, s in STRUCTURES.items()),
     )
-    inner_bandwidth: float = number(
-        40.0, SLOWEST, FASTEST, 'rad/s', 'bandwidth of level 1, the inner observer'
-    )
-    outer_bandwidth: float = number(
-        30.0,
-        SLOWEST,
-        FASTEST,
-        'rad/s',
-        'bandwidth of level 2, the outer observer; ignored with one level',
+    inner_bandwidth: float = _bandwidth(40.0, 'bandwidth of level 1, the inner observer')
+    outer_bandwidth: float = _bandwidth(
+        30.0, 'bandwidth of level 2, the outer observer; ignored with one level'
     )
     levels: int = integer(
         2,
@@ -101,12 +104,8 @@ class ControllerSettings:
         'share of the observer gains that acts; 0.5 = half-gain tuning: nearly the same rejection '
         'with less noise, for some of the upper gain margin',
     )
-    startup_time: float = number(
-        0.0,
-        0.0,
-        LONGEST,
-        's',
-        'time after the first start over which the observer bandwidths rise as t^3; 0 = off',
+    startup_time: float = _seconds(
+        0.0, 'time after the first start over which the observer bandwidths rise as t^3; 0 = off'
     )
     eso_delta: float = number(
         0.01,
@@ -115,8 +114,8 @@ class ControllerSettings:
         'output unit',
         'innovation up to which the nonlinear structure is the nested one; ignored by the others',
     )
-    controller_bandwidth: float = number(
-        4.0, SLOWEST, FASTEST, 'rad/s', 'closed-loop bandwidth wc: feedback gains from (s + wc)^n'
+    controller_bandwidth: float = _bandwidth(
+        4.0, 'closed-loop bandwidth wc: feedback gains from (s + wc)^n'
     )
     feedback: str = choice(
         'linear', ('linear', 'fal'), 'state error feedback: linear, or the nonlinear fal (NLSEF)'
@@ -161,63 +160,37 @@ class ControllerSettings:
         False,
         'observe y - r with reference zero, for references whose derivatives nobody knows',
     )
-    command_min: float = number(
-        -100.0, SMALLEST, LARGEST, 'command unit', 'lowest command ever published'
-    )
-    command_max: float = number(
-        100.0, SMALLEST, LARGEST, 'command unit', 'highest command ever published'
-    )
+    command_min: float = _signal(-100.0, 'command unit', 'lowest command ever published')
+    command_max: float = _signal(100.0, 'command unit', 'highest command ever published')
     command_rate_limit: float = number(
         0.0, 0.0, STEEPEST, 'command unit/s', 'fastest change of the command; 0 = off'
     )
-    safe_command: float = number(
-        0.0,
-        SMALLEST,
-        LARGEST,
-        'command unit',
-        'command when there is nothing to control with; inside the limits',
+    safe_command: float = _signal(
+        0.0, 'command unit', 'command when there is nothing to control with; inside the limits'
     )
-    measurement_min: float = number(
+    measurement_min: float = _signal(
         SMALLEST,
-        SMALLEST,
-        LARGEST,
         'output unit',
         'lowest value that the sensor can give; a measurement below counts as none',
     )
-    measurement_max: float = number(
-        LARGEST,
-        SMALLEST,
+    measurement_max: float = _signal(
         LARGEST,
         'output unit',
         'highest value that the sensor can give; a measurement above counts as none',
     )
-    reference_min: float = number(
-        SMALLEST,
-        SMALLEST,
-        LARGEST,
-        'reference unit',
-        'lowest reference that is taken; one below counts as none',
+    reference_min: float = _signal(
+        SMALLEST, 'reference unit', 'lowest reference that is taken; one below counts as none'
     )
-    reference_max: float = number(
-        LARGEST,
-        SMALLEST,
-        LARGEST,
-        'reference unit',
-        'highest reference that is taken; one above counts as none',
+    reference_max: float = _signal(
+        LARGEST, 'reference unit', 'highest reference that is taken; one above counts as none'
     )
-    measurement_timeout: float = number(
-        0.25,
-        0.0,
-        LONGEST,
-        's',
-        'silence of valid measurements that starts the fault action; 0 = off',
+    measurement_timeout: float = _seconds(
+        0.25, 'silence of valid measurements that starts the fault action; 0 = off'
     )
-    reference_timeout: float = number(
-        0.0, 0.0, LONGEST, 's', 'silence of valid references that starts the fault action; 0 = off'
+    reference_timeout: float = _seconds(
+        0.0, 'silence of valid references that starts the fault action; 0 = off'
     )
-    hold_time: float = number(
-        0.1, 0.0, LONGEST, 's', 'time the fault action holds before it ramps to safe_command'
-    )
+    hold_time: float = _seconds(0.1, 'time the fault action holds before it ramps to safe_command')
     max_dt: float = number(
         0.5,
         1.0 / FASTEST,

@@ -82,15 +82,6 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
 
 
-def init(
-    design: Design, measurement: float, applied: float, reference: float | None = None
-) -> State:
-    """Return the state at rest at ``measurement`` under ``applied``; reference defaults to y."""
-    state = blank_state(design)
-    start(design, measurement, applied, measurement if reference is None else reference, state)
-    return state
-
-
 def copy_vector(source: Vector, out: Vector) -> None:
     """Copy ``source``; a slice would double what numba has to compile, for its error messages."""
     i, size = 0, len(source)

@@ -1,4 +1,4 @@
-"""What one step of the law says about itself."""
+"""What the controller says about itself: of each step, of the command, and why."""
 
 from __future__ import annotations
 
@@ -17,12 +17,30 @@ class Status(IntEnum):
     BAD_TIME_STEP = 6
 
 
-# Plain integers for the step functions: an attribute of an Enum costs more than a tick's
+class Mode(IntEnum):
+    """What the command is: the law's, held, on its way to safe, safe. Ordered by severity."""
+
+    OK = 0
+    HOLDING = 1
+    RAMPING = 2
+    SAFE = 3
+
+
+class Cause(IntEnum):
+    """Why the law may not act, ranked; ``START`` is before ``good_samples`` measurements."""
+
+    NONE = 0
+    REFERENCE_TIMEOUT = 1
+    STALLED = 2
+    MEASUREMENT_TIMEOUT = 3
+    START = 4
+    DISABLED = 5
+
+
+# Plain integers for the functions of the loop: a member of an Enum costs more than a tick's
 # arithmetic.
-OK = int(Status.OK)
-RATE_LIMITED = int(Status.RATE_LIMITED)
-SATURATED = int(Status.SATURATED)
-RESTARTED = int(Status.RESTARTED)
-NO_MEASUREMENT = int(Status.NO_MEASUREMENT)
-BAD_REFERENCE = int(Status.BAD_REFERENCE)
-BAD_TIME_STEP = int(Status.BAD_TIME_STEP)
+OK, RATE_LIMITED, SATURATED, RESTARTED, NO_MEASUREMENT, BAD_REFERENCE, BAD_TIME_STEP = map(
+    int, Status
+)
+MODE_OK, HOLDING, RAMPING, SAFE = map(int, Mode)
+NONE, REFERENCE_TIMEOUT, STALLED, MEASUREMENT_TIMEOUT, START, DISABLED = map(int, Cause)

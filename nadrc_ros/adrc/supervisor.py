@@ -10,45 +10,25 @@ last VALID one.
 
 from __future__ import annotations
 
-from enum import IntEnum
 from math import inf, nan
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.sample import Sample
+from nadrc_ros.adrc.status import (
+    DISABLED,
+    HOLDING,
+    MEASUREMENT_TIMEOUT,
+    MODE_OK,
+    NONE,
+    RAMPING,
+    REFERENCE_TIMEOUT,
+    SAFE,
+    STALLED,
+    START,
+)
 
-
-class Mode(IntEnum):
-    """What the command is: the law's, held, on its way to safe, safe. Ordered by severity."""
-
-    OK = 0
-    HOLDING = 1
-    RAMPING = 2
-    SAFE = 3
-
-
-class Cause(IntEnum):
-    """Why the law may not act, ranked; ``START`` is before ``good_samples`` measurements."""
-
-    NONE = 0
-    REFERENCE_TIMEOUT = 1
-    STALLED = 2
-    MEASUREMENT_TIMEOUT = 3
-    START = 4
-    DISABLED = 5
-
-
-# Plain integers, for the functions of the control loop.
-MODE_OK = int(Mode.OK)
-HOLDING = int(Mode.HOLDING)
-RAMPING = int(Mode.RAMPING)
-SAFE = int(Mode.SAFE)
-NONE = int(Cause.NONE)
-REFERENCE_TIMEOUT = int(Cause.REFERENCE_TIMEOUT)
-STALLED = int(Cause.STALLED)
-MEASUREMENT_TIMEOUT = int(Cause.MEASUREMENT_TIMEOUT)
-START = int(Cause.START)
-DISABLED = int(Cause.DISABLED)
+# The mode that each cause asks for.
 _ENTRY = (MODE_OK, HOLDING, HOLDING, HOLDING, SAFE, RAMPING)
 # A step between two samples that is longer than the longest of late by this factor is odd.
 _ODD = 2.0

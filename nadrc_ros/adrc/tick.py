@@ -9,8 +9,8 @@ from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.limiter import clamp, limit
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import average_command, match_command, raw_command, start, State
-from nadrc_ros.adrc.status import NO_MEASUREMENT, SATURATED
-from nadrc_ros.adrc.supervisor import HOLDING, MODE_OK, PolicyState, REFERENCE_TIMEOUT, supervise
+from nadrc_ros.adrc.status import HOLDING, MODE_OK, NO_MEASUREMENT, REFERENCE_TIMEOUT, SATURATED
+from nadrc_ros.adrc.supervisor import PolicyState, supervise
 from nadrc_ros.adrc.transfer import adopt_reference, restart_profile
 
 

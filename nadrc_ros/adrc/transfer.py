@@ -59,9 +59,7 @@ def retune(
     after.smoothed[:] = state.smoothed
     after.since_sample[:] = state.since_sample
     command = limit(old, raw_command(old, state), applied, dt)[0]
-    raw = raw_command(new, after)
-    if limit(new, raw, applied, dt)[0] != command:
-        after.offset[1] += command - raw
+    _make_up(new, after, command, applied, dt, 1)
     if old.tracking_acceleration > 0.0 >= new.tracking_acceleration:
         raw = raw_command(new, after)
         restart_profile(new, reference[0], after)
@@ -91,6 +89,13 @@ def adopt_reference(
     if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
         command = limit(design, raw_command(design, state), applied, dt)[0]
         copy_vector(reference, state.profile)
-        raw = raw_command(design, state)
-        if limit(design, raw, applied, dt)[0] != command:
-            state.offset[0] += command - raw
+        _make_up(design, state, command, applied, dt, 0)
+
+
+def _make_up(
+    design: Design, state: State, command: float, applied: float, dt: float, part: int
+) -> None:
+    """Add to a part of the offset what the command, limited as it is, misses."""
+    raw = raw_command(design, state)
+    if limit(design, raw, applied, dt)[0] != command:
+        state.offset[part] += command - raw

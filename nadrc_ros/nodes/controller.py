@@ -13,7 +13,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog

@@ -7,7 +7,7 @@ from math import ceil, inf, isfinite
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.adrc.status import Mode
 from nadrc_ros.ros.diagnostics import OK, Remarks
 from nadrc_ros.ros.topics import Input
 

@@ -6,7 +6,7 @@ from collections import deque
 from math import inf
 
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
 
 # As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.

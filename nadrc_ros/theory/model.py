@@ -20,7 +20,7 @@ from __future__ import annotations
 from math import exp, factorial
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.gains import observer_gains
+from nadrc_ros.adrc.gains import inversion_matrix
 from nadrc_ros.theory.system import Array, StateSpace
 import numpy as np
 
@@ -80,6 +80,23 @@ def _level(design: Design, k: int, h: float) -> tuple[Array, Array, Array, Array
     push[n - 1] = 1.0
     gain = design.gain_factor * np.asarray(np.poly([-w for w in frequencies])[1:], dtype=float)
     return np.eye(size, k=1) - np.outer(gain, one[0]), push, gain, one
+
+
+def observer_gains(states: int, h: float, poles: list[float]) -> list[float]:
+    """
+    Return the gains L, shape (N,), of the current observer with the given discrete poles.
+
+    The law itself evaluates the same matrices in ``adrc.observer``. Units: l_i is [1/s^i]. Source:
+    ``adrc.gains``.
+    """
+    sigma = [1.0] + [0.0] * states
+    for pole in poles:
+        for q in range(states, 0, -1):
+            sigma[q] += (1.0 - pole) * sigma[q - 1]
+    return [
+        sum(row[q] * sigma[q + 1] for q in range(i, states)) / h**i
+        for i, row in enumerate(inversion_matrix(states))
+    ]
 
 
 def law_matrices(design: Design) -> tuple[Array, Array]:

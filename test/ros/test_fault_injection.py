@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.demo.graph import node_parameters
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode

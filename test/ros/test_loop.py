@@ -9,8 +9,7 @@ import signal
 import time
 from typing import Any
 
-from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode, Status
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.reference import ReferenceNode

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.nodes.mode_log import COUNT, ModeLog, SECONDS
 
 LOST = Mode.HOLDING, Cause.MEASUREMENT_TIMEOUT

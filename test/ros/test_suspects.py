@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import inf, nan
 from typing import Any
 
-from nadrc_ros.adrc.supervisor import Cause, Mode
+from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.ros.diagnostics import ERROR, WARN
 from probe import Probe, Processes

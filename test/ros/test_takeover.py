@@ -6,7 +6,7 @@ from collections.abc import Callable
 import signal
 from typing import Any
 
-from nadrc_ros.adrc.supervisor import Mode
+from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes import rivals
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
