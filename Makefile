@@ -4,7 +4,7 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test test-paper test-realtime soak bench docs lint build clean distclean
+.PHONY: help demo paper test test-paper test-realtime mutants soak bench docs lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
@@ -61,6 +61,10 @@ test-realtime: build $(VENV)/dev ## run the tests that only a machine can pass t
 	@$(ACTIVATE)
 	python -m pytest -m realtime --basetemp=build/realtime test/ros $(ARGS) \
 		|| $(call fail,what was recorded is in build/realtime)
+
+mutants: build $(VENV)/dev $(VENV)/mutants ## change the code at 300 random places: do the tests notice? (N=30 SEED=7 ARGS=theory)
+	@$(ACTIVATE)
+	python -m bench.mutants $(or $(N),300) $(or $(SEED),1) $(ARGS)
 
 soak: build $(VENV)/dev ## let random faults happen for 20 minutes (SEED=7 repeats those of that run)
 	@$(ACTIVATE)
@@ -130,11 +134,12 @@ $(VENV)/dev: GROUPS := test speed
 $(VENV)/lint: GROUPS := lint
 $(VENV)/lint: $(VENV)/dev
 $(VENV)/bench: GROUPS := bench speed
+$(VENV)/mutants: GROUPS := mutants
 $(VENV)/docs: GROUPS := docs
-$(VENV)/dev $(VENV)/bench $(VENV)/docs: $(VENV)/run
+$(VENV)/dev $(VENV)/bench $(VENV)/mutants $(VENV)/docs: $(VENV)/run
 TOOLS := 'setuptools<80' colcon-common-extensions colcon-ros
 
-$(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench $(VENV)/docs: setup.py Makefile | $(VENV)/on-$(ROS)
+$(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench $(VENV)/mutants $(VENV)/docs: setup.py Makefile | $(VENV)/on-$(ROS)
 	@install() {
 		echo "make: installing $$1 ..."
 		shift
@@ -164,5 +169,5 @@ $(VENV)/on-$(ROS): # an environment of the other kind is replaced
 		&& $(PY) -m pip --version > /dev/null 2>&1 \
 		|| $(PYTHON) -m venv --clear $(if $(WHEELS),,--system-site-packages) $(VENV) \
 		|| $(call fail,'$(PYTHON) -m venv $(VENV)' failed)
-	rm -rf build install $(VENV)/on-* $(VENV)/run $(VENV)/dev $(VENV)/lint $(VENV)/bench $(VENV)/docs
+	rm -rf build install $(VENV)/on-* $(addprefix $(VENV)/,run dev lint bench mutants docs)
 	touch $@

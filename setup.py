@@ -80,6 +80,7 @@ setup(
             *PAPER,
         ],
         'bench': RIVALS,
+        'mutants': ['cosmic-ray>=8,<9'],
         'docs': SITE,
         'lint': [
             'ruff',

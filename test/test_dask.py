@@ -20,14 +20,14 @@ ROOT = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
 PATIENCE = 60.0
 RUNS = 48
-# 48 tasks of a run each, some 0.1 s in plain Python.
+# 48 tasks of a run each, some 0.07 s in plain Python.
 SWEEP = """
 scenario:
   plant: {name: paper}
   reference: cosine
   noise: {variance: 1e-4}
   rate: 1000
-  duration: 3.0
+  duration: 2.0
   controllers: {conventional: {structure: conventional}, nested: {}}
 vary: {plant.a3: [0.1, 0.25]}
 seeds: 12

@@ -15,7 +15,7 @@ from nadrc_ros.adrc.state import State
 from nadrc_ros.adrc.status import Mode, Status
 import pytest
 
-STEPS = {True: 10_000_000, False: 75_000}
+STEPS = {True: 10_000_000, False: 30_000}
 H = 0.002
 CASES = varied_settings()
 VALUES = (NAN, INF, -INF, 1e308, -1e308, 1e99, 5e-324, -0.0, 1e6, -1e6)

@@ -34,7 +34,7 @@ from theory_helpers import (
 )
 
 H = 0.01
-SAMPLES = 1_000_000
+SAMPLES = 400_000
 
 
 def estimate_covariance(design: Design, h: float = 0.0, variance: float = 1.0) -> Array:
