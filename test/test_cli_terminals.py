@@ -10,7 +10,7 @@ import sys
 
 from nadrc_ros.cli import table
 from nadrc_ros.cli.app import app
-from nadrc_ros.cli.progress import working
+from nadrc_ros.cli.progress import progress
 from nadrc_ros.cli.table import print_columns, Row
 import pytest
 import rich.console
@@ -137,6 +137,6 @@ def test_a_path_in_brackets_is_shown_while_it_is_read(monkeypatch: pytest.Monkey
     text = StringIO()
     seen = Console(file=text, force_terminal=True, width=100)
     monkeypatch.setattr(rich.console, 'Console', lambda **_: seen)
-    with working('reading my [log].csv'):
+    with progress('reading my [log].csv'):
         pass
     assert 'reading my [log].csv' in text.getvalue()

@@ -1,13 +1,12 @@
 """`nadrc demo`: a scenario as real processes on the ROS graph."""
 
-# ruff: noqa: UP045
 from pathlib import Path
 from shlex import join
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Annotated, Any, TYPE_CHECKING
 
-from nadrc_ros.cli import called
-from nadrc_ros.cli.changes import changed
+from nadrc_ros.cli import called, options
 from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
+from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
@@ -16,17 +15,14 @@ if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
 
 
+FROM_THE_RECORDER = ('itae', 'isu', 'peak_error', 'max_command', 'total_variation')
+
+
 def demo(
-    file: Annotated[
-        str, typer.Argument(help='Scenario file, or the name of a shipped one.')
-    ] = 'demo',
-    duration: Annotated[
-        Optional[float], typer.Option(help='Length of the run in seconds.')
-    ] = None,
-    rate: Annotated[Optional[float], typer.Option(help='Control periods per second.')] = None,
-    noise_variance: Annotated[
-        Optional[float], typer.Option(help='Variance of the noise, 0 for none.')
-    ] = None,
+    file: options.ScenarioFile = 'demo',
+    duration: options.Duration = None,
+    rate: options.Rate = None,
+    noise_variance: options.NoiseVariance = None,
     lockstep: Annotated[
         bool, typer.Option(help='One step per sample: the bits of the offline simulation.')
     ] = False,
@@ -60,7 +56,9 @@ def demo(
             raise UserError(
                 f'ROS 2 is not here ({error}): source it, or use `make demo`'
             ) from None
-        scenario = changed(whole, duration=duration, rate=rate, noise_variance=noise_variance)
+        scenario = options.changed(
+            whole, duration=duration, rate=rate, noise_variance=noise_variance
+        )
         domain = private_domain(keep=True)
         typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
         out.mkdir(parents=True, exist_ok=True)
@@ -81,25 +79,14 @@ def demo(
 
 def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str, Run]':
     from nadrc_ros.demo.live import run_realtime
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    console = Console()
-    columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns, TextColumn('{task.fields[itae]}', markup=False), console=console
-    ) as bar:
-        task = bar.add_task('starting the nodes', total=scenario.duration, itae='')
+    with progress('s of the run', scenario.duration) as tell:
 
-        def progress(now: float, itae: dict[str, float]) -> None:
+        def show(now: float, itae: dict[str, float]) -> None:
             shown = '  '.join(f'{name} {value:.3f}' for name, value in sorted(itae.items()))
-            bar.update(
-                task, completed=now, description='running', itae=f'ITAE {shown}' if shown else ''
-            )
+            tell(now, f'ITAE {shown}' if shown else '')
 
-        runs = run_realtime(scenario, out, progress, _wait_for_ctrl_c if keep_open else None)
-        bar.update(task, completed=scenario.duration, description='done')
-    return runs
+        return run_realtime(scenario, out, show, _wait_for_ctrl_c if keep_open else None)
 
 
 def _wait_for_ctrl_c() -> None:
@@ -125,11 +112,7 @@ def _figures(run: 'Run') -> dict[str, Any]:
     """Return the figures of one run, None where lockstep has none."""
     metrics, counted = run.summary['metrics'], run.diagnostics
     return {
-        'itae': metrics['itae'],
-        'isu': metrics['isu'],
-        'peak_error': metrics['peak_error'],
-        'max_command': metrics['max_command'],
-        'total_variation': metrics['total_variation'],
+        **{name: metrics[name] for name in FROM_THE_RECORDER},
         'periods': int(counted.get('periods', run.summary['rows'])),
         'missed_periods': int(counted.get('missed_periods', 0)),
         'latency_median_ms': counted.get('latency_median_ms'),
@@ -141,27 +124,25 @@ def _figures(run: 'Run') -> dict[str, Any]:
 def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
     from nadrc_ros.cli.table import print_columns, Row
     from nadrc_ros.report.marks import title_of
-    from rich.text import Text
 
-    rows = {
+    labels = {
         'itae': 'ITAE',
         'isu': 'ISU',
         'peak_error': f'peak |e| from {scenario.experiment.settled:g} s on',
         'max_command': 'max |u|',
         'total_variation': 'total variation of u',
-        'periods': 'periods',
         'missed_periods': 'missed periods',
         'latency_median_ms': 'measurement to command, median [ms]',
         'latency_p99_ms': 'measurement to command, 99 % [ms]',
         'samples_lost': 'samples lost by the recorder',
     }
-    figures = {run: _figures(result) for run, result in runs.items()}
-    table = []
-    for key, label in rows.items():
-        values = [figures[run][key] for run in runs]
-        cells = [Text('-' if v is None else f'{v:.4g}') for v in values]
-        table.append(Row(label, '', cells))
-    print_columns(title_of(name, scenario), [Text(run) for run in runs], table)
+    figures = [_figures(run) for run in runs.values()]
+    rows = []
+    for key in figures[0]:
+        values = [each[key] for each in figures]
+        cells = ['-' if value is None else f'{value:.4g}' for value in values]
+        rows.append(Row(labels.get(key, key), '', cells))
+    print_columns(title_of(name, scenario), list(runs), rows)
 
 
 def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:

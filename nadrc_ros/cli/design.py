@@ -2,11 +2,10 @@
 
 # ruff: noqa: UP045
 from pathlib import Path
-from typing import Annotated, Optional, TYPE_CHECKING
+from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-from nadrc_ros.adrc.fields import declared
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.options import option
+from nadrc_ros.cli.options import fields, takes
 from nadrc_ros.tuning.design.requirements import Requirements
 import typer
 
@@ -15,34 +14,12 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.design.experiment import Expected
     from nadrc_ros.tuning.design.first_design import FirstDesign
 
-ASKED = declared(Requirements)
 POINTS = 800
 
 
+@takes(values=fields(Requirements, required='settling_time'))
 def design(
-    settling_time: Annotated[float, option(ASKED['settling_time'])],
-    order: Annotated[int, option(ASKED['order'])] = ASKED['order'].default,
-    rate: Annotated[float, option(ASKED['rate'])] = ASKED['rate'].default,
-    b0: Annotated[float, option(ASKED['b0'])] = ASKED['b0'].default,
-    noise_std: Annotated[float, option(ASKED['noise_std'])] = ASKED['noise_std'].default,
-    command_noise: Annotated[float, option(ASKED['command_noise'])] = ASKED[
-        'command_noise'
-    ].default,
-    command_limit: Annotated[float, option(ASKED['command_limit'])] = ASKED[
-        'command_limit'
-    ].default,
-    delay: Annotated[float, option(ASKED['delay'])] = ASKED['delay'].default,
-    disturbance: Annotated[float, option(ASKED['disturbance'])] = ASKED['disturbance'].default,
-    disturbance_frequency: Annotated[float, option(ASKED['disturbance_frequency'])] = ASKED[
-        'disturbance_frequency'
-    ].default,
-    reference_step: Annotated[float, option(ASKED['reference_step'])] = ASKED[
-        'reference_step'
-    ].default,
-    one_sided: Annotated[bool, option(ASKED['one_sided'])] = ASKED['one_sided'].default,
-    structure: Annotated[str, option(ASKED['structure'])] = ASKED['structure'].default,
-    levels: Annotated[int, option(ASKED['levels'])] = ASKED['levels'].default,
-    half_gain: Annotated[bool, option(ASKED['half_gain'])] = ASKED['half_gain'].default,
+    values: dict[str, Any],
     out: Annotated[
         Optional[Path],
         typer.Option(help='Folder for design.yaml, scenario.yaml, bode.png and design.json.'),
@@ -56,7 +33,6 @@ def design(
 
     Example: nadrc design --order 2 --settling-time 0.5 --rate 500 --noise-std 0.001 --out mine
     """
-    values = {name: value for name, value in locals().items() if name in ASKED}
     with reporting():
         from nadrc_ros.adrc.fields import build
         from nadrc_ros.atomic import check_folder
@@ -79,13 +55,9 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
 
     screen = console()
     heads = [
-        Text(f'{c.name} *', 'bold') if c is found.chosen else Text(c.name)
-        for c in found.candidates
+        Text(f'{c.name} *', 'bold') if c is found.chosen else c.name for c in found.candidates
     ]
-    rows = [
-        Row(label, meaning, [Text(cell) for cell in cells])
-        for label, meaning, cells in _rows(found, expected)
-    ]
+    rows = [Row(*row) for row in _rows(found, expected)]
     screen.print(Text('\n'.join([found.title, *found.rules])), soft_wrap=True)
     print_columns('', heads, rows)
     screen.print(Text(found.advice, 'bold'), soft_wrap=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.progress import working
+from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ MORE = 1.02
 MOST_ROWS = 50_000
 
 
+@options.takes(where=options.log)
 def identify(
     run: Annotated[
         Path, typer.Argument(help='Folder of the recorder, a rosbag2 bag or a CSV file.')
@@ -46,14 +47,8 @@ def identify(
         Optional[Path], typer.Option(help='Write a scenario with the identified plant there.')
     ] = None,
     json: Annotated[Optional[Path], typer.Option(help='Write all figures there.')] = None,
-    measurement: options.Measurement = '',
-    command: options.Command = '',
-    reference: options.Reference = '',
-    namespace: options.Namespace = '',
-    time: options.Time = '',
-    time_unit: options.TimeUnit = '',
-    begin: options.From = None,
-    end: options.To = None,
+    *,
+    where: options.Log,
     wrap: Annotated[
         Optional[float],
         typer.Option(min=0.0, help='Period of a wrapped angle, to unwrap it; 0 = it is none.'),
@@ -71,7 +66,6 @@ def identify(
     Example: nadrc identify runs/20260101-120000 --scenario mine.yaml, or
     nadrc identify log.csv --time t --measurement rpm --command pwm --from 12
     """
-    signals = {'measurement': measurement, 'command': command, 'reference': reference}
     with reporting():
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
@@ -98,11 +92,11 @@ def identify(
         from nadrc_ros.tuning.identification.log import log_of
         from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
 
-        with working(f'reading {run}'):
-            recorded = read_run(run, options.source(namespace, time, time_unit, **signals))
+        with progress(f'reading {run}'):
+            recorded = read_run(run, where.source)
         if recorded.told:
             complain(f'{run}: {recorded.told}')
-        recorded = window(recorded, begin, end)
+        recorded = window(recorded, where.begin, where.end)
         if wrap:
             recorded = unwrapped(recorded, wrap)
         recorded, wrong = without_outliers(recorded)
@@ -125,7 +119,7 @@ def identify(
         log = log_of(thin)
         if seems_swapped(log):
             doubt(SWAPPED)
-        with working(f'fitting {len(log.command)} samples'):
+        with progress(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
         _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)

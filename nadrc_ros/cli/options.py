@@ -1,47 +1,150 @@
-"""Options that several commands have, and those that set declared fields, described by these."""
+"""
+Options of several commands, and what follows from them.
+
+A command :func:`takes` an argument that is made from options of its own: those that a maker has,
+as :func:`log` for logs that are not the recorder's, or the declared fields of a class.
+"""
 
 # ruff: noqa: UP045
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 
-from nadrc_ros.adrc.fields import Declared
+from nadrc_ros.adrc.fields import Declared, declared
+from nadrc_ros.cli.failure import complain
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.records.source import Source
+    from nadrc_ros.scenario import Scenario
 
-# Where the signals of a loop are in a log that is not the recorder's.
-Measurement = Annotated[
-    str, typer.Option(help='Topic of the measurement in a bag, or its column in a CSV file.')
-]
-Command = Annotated[str, typer.Option(help='The same of the command.')]
-Reference = Annotated[str, typer.Option(help='The same of the reference, if there is one.')]
-Namespace = Annotated[str, typer.Option(help='Namespace of the loop in a bag.')]
-Time = Annotated[str, typer.Option(help='Column of the time in a CSV file.')]
-TimeUnit = Annotated[
-    str, typer.Option(help='Its unit: s, ms, us, ns, min or h; by default that of its heading.')
-]
-# Which part of a log counts, in seconds of its own time.
-From = Annotated[
-    Optional[float],
-    typer.Option(
-        '--from', help='Use the log from that second on, 0 = first measurement with a command.'
-    ),
-]
-To = Annotated[Optional[float], typer.Option('--to', help='Use the log up to that second.')]
+KINDS = {'number': float, 'integer': int, 'choice': str, 'flag': bool, 'text': str}
+PICTURES = ('.png', '.svg', '.pdf')
+
+ScenarioFile = Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')]
+# What changes a scenario.
+Duration = Annotated[Optional[float], typer.Option(help='Length of the run in seconds.')]
+Rate = Annotated[Optional[float], typer.Option(help='Control periods per second.')]
+NoiseVariance = Annotated[Optional[float], typer.Option(help='Variance of the noise, 0 for none.')]
 
 
-def source(namespace: str, time: str, time_unit: str, **signals: str) -> 'Source':
-    """Return where the signals are that the options name; an empty one was not given."""
-    from nadrc_ros.records.source import Source
+def takes(**makers: Callable[..., Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command, in place of each argument that is named, the options of its maker."""
 
-    named = {name: value for name, value in signals.items() if value}
-    return Source(signals=named, namespace=namespace, time=time, time_unit=time_unit)
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
+        made = {name: signature(maker).parameters for name, maker in makers.items()}
+        options = [
+            option.replace(kind=Parameter.KEYWORD_ONLY)
+            for name, own in signature(command).parameters.items()
+            for option in (made[name].values() if name in made else [own])
+        ]
+
+        @wraps(command)
+        def run(**given: Any) -> None:
+            arguments = {
+                name: makers[name](**{option: given.pop(option) for option in own})
+                for name, own in made.items()
+            }
+            command(**arguments, **given)
+
+        run.__signature__ = Signature(options)  # type: ignore[attr-defined]
+        run.__annotations__ = {option.name: option.annotation for option in options}
+        return run
+
+    return with_options
 
 
-def option(field: Declared, default: str = '') -> Any:
-    """Return the option that sets a field; typer says the default unless it is given in words."""
+def fields(cls: type[Any], required: str = '', unset: bool = False) -> Callable[..., Any]:
+    """
+    Return a maker of values by name, with an option for each declared field of a class.
+
+    One may be ``required``. Where ``unset``, those that were not given are left out, as they may
+    come from elsewhere.
+    """
+
+    def make(**values: Any) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if not (unset and value is None)}
+
+    options = [
+        Parameter(
+            name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if name == required else None if unset else field.default,
+            annotation=_described(field, unset),
+        )
+        for name, field in declared(cls).items()
+    ]
+    make.__signature__ = Signature(  # type: ignore[attr-defined]
+        sorted(options, key=lambda option: option.name != required)
+    )
+    return make
+
+
+def _described(field: Declared, unset: bool) -> Any:
+    """Return the annotation of an option; typer says the default unless it is in the text."""
     choices = ': ' + ', '.join(field.choices) if field.choices else ''
     unit = f' [{field.unit}]' if field.unit else ''
-    said = f' (default {default})' if default else ''
+    default = f'{field.default:g}' if isinstance(field.default, float) else str(field.default)
+    said = f' (default {default})' if unset else ''
     text = f'{field.description[0].upper()}{field.description[1:]}{choices}{unit}{said}.'
-    return typer.Option(help=text.replace('[', '\\['))
+    kind = KINDS[field.kind]
+    option = typer.Option(help=text.replace('[', '\\['))
+    return Annotated[Optional[kind] if unset else kind, option]
+
+
+class Log(NamedTuple):
+    """Where the signals of a loop are in a log, and which part of it counts [s]."""
+
+    source: 'Source'
+    begin: Optional[float]
+    end: Optional[float]
+
+
+def log(
+    measurement: Annotated[
+        str, typer.Option(help='Topic of the measurement in a bag, or its column in a CSV file.')
+    ] = '',
+    command: Annotated[str, typer.Option(help='The same of the command.')] = '',
+    reference: Annotated[
+        str, typer.Option(help='The same of the reference, if there is one.')
+    ] = '',
+    namespace: Annotated[str, typer.Option(help='Namespace of the loop in a bag.')] = '',
+    time: Annotated[str, typer.Option(help='Column of the time in a CSV file.')] = '',
+    time_unit: Annotated[
+        str,
+        typer.Option(help='Its unit: s, ms, us, ns, min or h; by default that of its heading.'),
+    ] = '',
+    begin: Annotated[
+        Optional[float],
+        typer.Option(
+            '--from', help='Use the log from that second on, 0 = first measurement with a command.'
+        ),
+    ] = None,
+    end: Annotated[
+        Optional[float], typer.Option('--to', help='Use the log up to that second.')
+    ] = None,
+) -> Log:
+    """Make what a log is read by."""
+    from nadrc_ros.records.source import Source
+
+    given = {'measurement': measurement, 'command': command, 'reference': reference}
+    signals = {name: value for name, value in given.items() if value}
+    source = Source(signals=signals, namespace=namespace, time=time, time_unit=time_unit)
+    return Log(source, begin, end)
+
+
+def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
+    """Return the scenario with other values, and say which retunes are left out for that."""
+    scenario = whole.changed(**options)
+    for retune in whole.retunes:
+        if retune not in scenario.retunes:
+            complain(f'the retune at {retune.time:g} s lies after the end and is left out')
+    return scenario
+
+
+def check_ending(path: Optional[Path], option: str, endings: Sequence[str] = PICTURES) -> None:
+    """Refuse a file whose name does not say one of the formats there are."""
+    if path is not None and path.suffix not in endings:
+        raise typer.BadParameter(f'{path} must end in ' + ' or '.join(endings), param_hint=option)

@@ -4,16 +4,17 @@
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
+import attrs
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.pictures import check_format
-from nadrc_ros.cli.progress import working
+from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.records.recorded_run import RecordedRun
 
 
+@options.takes(log=options.log)
 def report(
     runs: Annotated[
         list[Path],
@@ -26,18 +27,12 @@ def report(
         Optional[Path],
         typer.Option(help='Draw a picture there (png, svg, pdf), and no page without --out.'),
     ] = None,
-    measurement: options.Measurement = '',
-    command: options.Command = '',
-    reference: options.Reference = '',
     topic: Annotated[
         Optional[list[str]],
         typer.Option(help='Topic or column of another signal: output=/true; repeatable.'),
     ] = None,
-    namespace: options.Namespace = '',
-    time: options.Time = '',
-    time_unit: options.TimeUnit = '',
-    begin: options.From = None,
-    end: options.To = None,
+    *,
+    log: options.Log,
 ) -> None:
     """
     Make a page of one run, or of several to compare them.
@@ -47,15 +42,14 @@ def report(
 
     Example: nadrc report runs/20260101-120000, or nadrc report runs/A log.csv --out ab.html
     """
-    check_format(static, '--static')
+    options.check_ending(static, '--static')
     with reporting():
         from nadrc_ros.records.read_run import read_runs
 
-        named = {'measurement': measurement, 'command': command, 'reference': reference}
-        signals = _topics(topic or []) | {name: v for name, v in named.items() if v}
-        with working('reading'):
-            where = options.source(namespace, time, time_unit, **signals)
-            found = read_runs(runs, where, begin, end)
+        signals = _topics(topic or []) | dict(log.source.signals)
+        source = attrs.evolve(log.source, signals=signals)
+        with progress('reading'):
+            found = read_runs(runs, source, log.begin, log.end)
         for run in found.values():
             if run.told:
                 complain(f'{run.path}: {run.told}')

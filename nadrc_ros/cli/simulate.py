@@ -4,9 +4,8 @@
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.changes import changed
+from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.pictures import check_format
 import typer
 
 if TYPE_CHECKING:
@@ -15,21 +14,17 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    file: Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')],
+    file: options.ScenarioFile,
     json: Annotated[
         Optional[Path], typer.Option(help='Write scenario and figures of merit there.')
     ] = None,
     plot: Annotated[
         Optional[Path], typer.Option(help='Draw a picture there (png, svg, pdf).')
     ] = None,
-    duration: Annotated[
-        Optional[float], typer.Option(help='Length of the run in seconds.')
-    ] = None,
+    duration: options.Duration = None,
     seed: Annotated[Optional[int], typer.Option(help='Seed of the noise.')] = None,
-    noise_variance: Annotated[
-        Optional[float], typer.Option(help='Variance of the noise, 0 for none.')
-    ] = None,
-    rate: Annotated[Optional[float], typer.Option(help='Control periods per second.')] = None,
+    noise_variance: options.NoiseVariance = None,
+    rate: options.Rate = None,
 ) -> None:
     """
     Run a scenario offline and compare its controllers.
@@ -39,11 +34,11 @@ def simulate(
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
 
-        check_format(plot, '--plot')
+        options.check_ending(plot, '--plot')
         path = find_scenario(file)
         whole = load(path)
     with reporting():
-        scenario = changed(
+        scenario = options.changed(
             whole, duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
         )
     with reporting(file):

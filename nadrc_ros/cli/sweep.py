@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting, USER_ERROR
+from nadrc_ros.cli.options import check_ending
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -43,10 +44,7 @@ def sweep(
         from nadrc_ros.simulation.simulate import WORTH_COMPILING
 
         path = out or Path(f'{file.stem}.csv')
-        if path.suffix not in FORMATS:
-            raise typer.BadParameter(
-                f'{path} must end in ' + ' or '.join(FORMATS), param_hint='--out'
-            )
+        check_ending(path, '--out', FORMATS)
         wanted = load_sweep(file)
         extent = wanted.check()
     with reporting():

@@ -16,11 +16,11 @@ GAP = 2
 
 
 class Row(NamedTuple):
-    """What a row is called, what that means, and a cell for each column."""
+    """What a row is called, what that means, and a cell for each column, plain or in a style."""
 
     label: str
     meaning: str
-    cells: Sequence[Text]
+    cells: Sequence[str | Text]
 
 
 def print_figures_of_merit(
@@ -34,22 +34,23 @@ def print_figures_of_merit(
         if key == 'peak_error' and settle_time:
             meaning += f', {settle_time:.4g} s'
         rows.append(Row(label, meaning, cells))
-    print_columns(title, [Text(name) for name in metrics], rows)
+    print_columns(title, list(metrics), rows)
 
 
-def print_columns(title: str, heads: Sequence[Text], rows: Sequence[Row]) -> None:
+def print_columns(title: str, heads: Sequence[str | Text], rows: Sequence[Row]) -> None:
     """
     Print columns of numbers under their heads, beside the labels of the rows and what these mean.
 
     Where that is too wide, the meanings come first, in lines of their own, and the columns that do
     not fit beside the others below them.
     """
+    heads, *cells = ([_text(cell) for cell in line] for line in (heads, *(r.cells for r in rows)))
     screen = console()
     if title:
         screen.print(Text(title, 'bold'), soft_wrap=True)
     labels = max(len(row.label) for row in rows)
     widths = [
-        GAP + max(cell.cell_len for cell in (head, *(row.cells[i] for row in rows)))
+        GAP + max(cell.cell_len for cell in (head, *(line[i] for line in cells)))
         for i, head in enumerate(heads)
     ]
     screen.width = max(screen.width, labels + max(widths))  # one column there must be
@@ -65,10 +66,14 @@ def print_columns(title: str, heads: Sequence[Text], rows: Sequence[Row]) -> Non
             table.add_column('', no_wrap=True, style='dim')
         for i in part:
             table.add_column(heads[i], justify='right', no_wrap=True)
-        for row in rows:
+        for row, line in zip(rows, cells):
             about = [row.meaning] if meanings and beside else []
-            table.add_row(row.label, *about, *(row.cells[i] for i in part))
+            table.add_row(row.label, *about, *(line[i] for i in part))
         screen.print(table, crop=False, no_wrap=True)
+
+
+def _text(cell: str | Text) -> Text:
+    return cell if isinstance(cell, Text) else Text(cell)
 
 
 def console() -> Console:

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import attrs
-from nadrc_ros.adrc.fields import declared
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.options import option
+from nadrc_ros.cli.options import fields, ScenarioFile, takes
 from nadrc_ros.cli.progress import progress
 from nadrc_ros.tuning.search.settings import TuneSettings
 import typer
@@ -21,24 +20,15 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.search.study import TuningStudy
 
 OUT = Path('out/tune')
-FIELDS = declared(TuneSettings)
-TUNING = {field.name for field in attrs.fields(TuneSettings)}
 
 
-def _help(name: str) -> Any:
-    """Describe an option of the tuning, unset by default: it may come from a file."""
-    default = FIELDS[name].default
-    return option(FIELDS[name], f'{default:g}' if isinstance(default, float) else str(default))
-
-
+@takes(values=fields(TuneSettings, unset=True))
 def tune(
-    file: Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')],
+    file: ScenarioFile,
+    values: dict[str, Any],
     controller: Annotated[
         Optional[list[str]], typer.Option(help='Only this controller; may be repeated.')
     ] = None,
-    budget: Annotated[Optional[float], _help('budget')] = None,
-    objective: Annotated[Optional[str], _help('objective')] = None,
-    noise_free: Annotated[Optional[bool], _help('noise_free')] = None,
     vary: Annotated[
         Optional[list[str]],
         typer.Option(help='Instead of the defaults: NAME or NAME=LOW:HIGH; may be repeated.'),
@@ -50,17 +40,6 @@ def tune(
         Optional[list[str]],
         typer.Option(help='Spread of a plant coefficient, a3=0.1:0.3; may be repeated.'),
     ] = None,
-    over: Annotated[Optional[str], _help('over')] = None,
-    seeds: Annotated[Optional[int], _help('seeds')] = None,
-    gain_margin: Annotated[Optional[float], _help('gain_margin')] = None,
-    modulus_margin: Annotated[Optional[float], _help('modulus_margin')] = None,
-    delay_margin: Annotated[Optional[float], _help('delay_margin')] = None,
-    largest_wh: Annotated[Optional[float], _help('largest_wh')] = None,
-    peak: Annotated[Optional[float], _help('peak')] = None,
-    sampler: Annotated[Optional[str], _help('sampler')] = None,
-    trials: Annotated[Optional[int], _help('trials')] = None,
-    population: Annotated[Optional[int], _help('population')] = None,
-    seed: Annotated[Optional[int], _help('seed')] = None,
     settings: Annotated[
         Optional[Path],
         typer.Option(help='YAML file with the options above, as vary: {b0: [0.5, 2]}.'),
@@ -94,8 +73,8 @@ def tune(
 
     Example: nadrc tune motor_speed, or nadrc tune paper --budget 20 --b0-spread 0.7:1.4
     """
-    options = {key: value for key, value in locals().items() if key in TUNING}
-    given = {key: value for key, value in options.items() if value not in (None, [])}
+    ranges = {'vary': vary, 'plant': plant, 'b0_spread': b0_spread}
+    given = values | {key: value for key, value in ranges.items() if value}
     with reporting(file):
         from nadrc_ros.atomic import check_folder
         from nadrc_ros.scenario import find_scenario, load
@@ -286,7 +265,7 @@ def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
         point, style = one.front[i], 'bold' if i == one.choice.index else ''
         numbers = (point.figures.isu, point.figures.objective, *point.values.values())
         rows.append(Row(str(i + 1), '', [Text(f'{x:.4g}', style) for x in numbers]))
-    print_columns(f'{one.name}: {one.choice.why}', [Text(head) for head in heads], rows)
+    print_columns(f'{one.name}: {one.choice.why}', heads, rows)
 
 
 def _print_table(title: str, found: 'list[Tuned]') -> None:
