@@ -30,9 +30,8 @@ def test_p18_another_sign_of_b0_is_replayed_though_no_tick_says_that_the_loop_wa
     def run(ticks: int) -> None:
         for i in range(ticks):
             y, age = (chain.y, 0.04) if i % 8 < 6 else (nan, 0.0)
-            applied = controller.command
             u = controller.tick(y, H, elapsed=H, age=age, reference=[1.0])
-            trace.tick(controller, y, H, H, age, [1.0], applied)
+            trace.tick(controller, [1.0])
             chain.advance(u * controller.settings.b0, H)
 
     def disable() -> None:
@@ -66,9 +65,8 @@ def test_p18_a_stall_that_was_ended_between_two_ticks_is_replayed(tmp_path: Path
         if i == 10:  # in the middle of the stall, whose time goes on
             controller.retune(controller.settings)
             trace.settings(controller.settings)
-        applied = controller.command
         controller.tick(0.0, H, reference=[1e3])
-        trace.tick(controller, 0.0, H, H, 0.0, [1e3], applied)
+        trace.tick(controller, [1e3])
     trace.close()
     commands = [u for u, _ in replay(path)]
     assert commands == [again for _, again in replay(path)]

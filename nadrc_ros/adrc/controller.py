@@ -55,6 +55,7 @@ class Controller:
         self._enabled = enabled
         self.reference: list[float] = [0.0] * (self.design.order + 1)
         self.command = settings.safe_command
+        self.sample = Sample(nan, 0.0, 0.0, 0.0, self.command)
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
         self.refused_reference = nan
@@ -107,6 +108,7 @@ class Controller:
         referenced = reference is not None and self._take(reference)
         gap = self.policy.gap
         sample = Sample(measurement, dt, elapsed, age if age > 0.0 else 0.0, applied)
+        self.sample = sample
         command, status, self.policy = tick(
             self.design,
             self.state,

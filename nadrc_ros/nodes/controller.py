@@ -242,7 +242,7 @@ class ControllerNode(LiveNode):
         if self._steps % self._divisor == 0:
             self._estimates.send(controller)
         if self.trace is not None:
-            self.trace.tick(controller, measurement, dt, elapsed, age, reference, applied)
+            self.trace.tick(controller, reference)
         if self._mode_log.now != controller.policy[:2] and self._log_mode():
             self.diagnostics.publish()
         if controller.settings is not settings:

@@ -43,21 +43,13 @@ class TraceWriter:
         """Record that a reset is asked for before the next tick."""
         self._write({'reset': True})
 
-    def tick(
-        self,
-        controller: Controller,
-        measurement: float,
-        dt: float,
-        elapsed: float,
-        age: float,
-        reference: Sequence[float | None] | None,
-        applied: float,
-    ) -> None:
-        """Record one tick that was just done."""
+    def tick(self, controller: Controller, reference: Sequence[float | None] | None) -> None:
+        """Record the tick that ``controller`` just did with that reference."""
+        measurement, span, elapsed, age, applied = controller.sample
         self._write(
             {
                 'y': measurement,
-                'dt': dt,
+                'dt': span,
                 'elapsed': elapsed,
                 'age': age,
                 'r': reference,
