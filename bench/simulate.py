@@ -42,7 +42,7 @@ from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.integrate import Integrator, substeps_for
 from nadrc_ros.simulation.kernel import kernel_for
 from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
-from nadrc_ros.simulation.noise import Noise, noise_sequence
+from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.plants import PaperPlant
 from nadrc_ros.simulation.signals import Cosine, DecayingCosine
 from nadrc_ros.simulation.simulate import simulate
@@ -122,7 +122,7 @@ def ours_loop(experiment: Experiment) -> tuple[Run, Loop, Array]:
     if kernel is None:
         raise RuntimeError('the loop does not compile: is numba installed?')
     loop, rows = Loop(experiment, SETTINGS), np.empty((experiment.steps, ROW_WIDTH))
-    noise = noise_sequence(experiment.noise, experiment.period, experiment.steps)
+    noise = NoiseSource(experiment.noise, experiment.period).block(0, experiment.steps)
 
     def run() -> Outcome:
         loop.__init__(experiment, SETTINGS)  # type: ignore[misc]
@@ -183,7 +183,7 @@ def c_loop(experiment: Experiment) -> tuple[Run, Loop, Array] | None:
     steps = experiment.steps
     substeps = substeps_for(PLANT, experiment.period)
     given = constants(experiment)
-    noise = noise_sequence(experiment.noise, experiment.period, steps)
+    noise = NoiseSource(experiment.noise, experiment.period).block(0, steps)
     loop, rows = Loop(experiment, SETTINGS), np.empty((steps, 9 + 2))
     state, sums, left = np.empty(2), np.empty(len(SUMS)), np.empty(2)
 
@@ -194,7 +194,7 @@ def c_loop(experiment: Experiment) -> tuple[Run, Loop, Array] | None:
         function(ctypes.byref(given), steps, substeps, *addresses)
         took = thread_time_ns() - start
         for where, value in zip(SUMS, sums):
-            loop.acc[where] = float(value)
+            loop.metrics.sums[where] = float(value)
         loop.remainders[:2] = left.tolist()
         loop.plant_run.state = state.tolist()
         return Outcome(took, rows[:, 3])
@@ -209,10 +209,9 @@ def check_agreement(ours: tuple[Run, Loop, Array], by_hand: tuple[Run, Loop, Arr
     (_, loop, rows), (_, their_loop, their_rows) = ours, by_hand
     columns = their_rows.shape[1]
     np.testing.assert_allclose(their_rows, rows[:, :columns], rtol=AGREE, atol=AGREE)
-    for name in ('acc', 'remainders'):
-        theirs, own = np.array(getattr(their_loop, name)), np.array(getattr(loop, name))
-        kept = slice(None) if name == 'remainders' else list(SUMS)
-        np.testing.assert_allclose(theirs[kept], own[kept], rtol=AGREE, atol=AGREE)
+    theirs, own = (np.array(each.metrics.sums)[list(SUMS)] for each in (their_loop, loop))
+    np.testing.assert_allclose(theirs, own, rtol=AGREE, atol=AGREE)
+    np.testing.assert_allclose(their_loop.remainders, loop.remainders, rtol=AGREE, atol=AGREE)
     np.testing.assert_allclose(their_loop.plant_run.state, loop.plant_run.state, atol=AGREE)
 
 
@@ -224,7 +223,7 @@ def pyadrc_loop(experiment: Experiment) -> Run:
 
     h, steps = experiment.period, experiment.steps
     substeps = substeps_for(PLANT, h)
-    noise = noise_sequence(experiment.noise, h, steps).tolist()
+    noise = NoiseSource(experiment.noise, h).block(0, steps).tolist()
 
     def run() -> Outcome:
         law = StateSpace(
@@ -270,7 +269,7 @@ def python_control(experiment: Experiment) -> Run:
     h, steps = experiment.period, experiment.steps
     times = np.arange(steps) * h
     angle = FREQUENCY * times
-    noise = noise_sequence(experiment.noise, h, steps)
+    noise = NoiseSource(experiment.noise, h).block(0, steps)
     reference = [np.cos(angle), -FREQUENCY * np.sin(angle), -(FREQUENCY**2) * np.cos(angle)]
     integrator = Integrator(PLANT, experiment.disturbance, substeps_for(PLANT, h))
     following = [0.0, 0.0]

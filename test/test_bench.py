@@ -67,7 +67,7 @@ def test_a_loop_in_c_that_comes_to_something_else_is_no_measure(change: str) -> 
         if change == 'rows':
             rows[-1, 5] += 1e-6
         elif change == 'sums':
-            loop.acc[simulate.SUMS[0]] += 1e-6
+            loop.metrics.sums[simulate.SUMS[0]] += 1e-6
         else:
             loop.plant_run.state[1] += 1e-6
         return outcome

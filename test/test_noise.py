@@ -8,7 +8,7 @@ from itertools import chain, pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.simulation.noise import Noise, noise_sequence, NoiseSource, sample_index
+from nadrc_ros.simulation.noise import Noise, NoiseSource, sample_indices
 import numpy as np
 import pytest
 
@@ -27,24 +27,25 @@ def test_a_new_sample_exactly_when_the_index_goes_up() -> None:
 @given(RATES, RATES, st.integers(0, 10**8))
 def test_the_index_is_the_exact_quotient_rounded_down(rate: int, noise_rate: int, k: int) -> None:
     exact = Fraction(k * noise_rate, rate)
-    assert sample_index(k, 1 / rate, 1 / noise_rate) == exact.numerator // exact.denominator
+    found = sample_indices(k, 1, 1 / rate, 1 / noise_rate)
+    assert found.tolist() == [exact.numerator // exact.denominator]
 
 
 def test_the_index_is_right_at_every_one_of_many_boundaries() -> None:
     for rate, noise_rate in ((1000, 100), (1000, 333), (3000, 7), (100, 10), (120, 100)):
         period, sample_time = 1 / rate, 1 / noise_rate
         exact = [k * noise_rate // rate for k in range(20_000)]
-        assert [sample_index(k, period, sample_time) for k in range(20_000)] == exact
+        assert sample_indices(0, 20_000, period, sample_time).tolist() == exact
         noise = Noise(variance=1.0, sample_time=sample_time)
-        normals = noise_sequence(Noise(variance=1.0), period, exact[-1] + 1)
-        assert np.array_equal(noise_sequence(noise, period, 20_000), normals[exact])
+        normals = NoiseSource(Noise(variance=1.0), period).block(0, exact[-1] + 1)
+        assert np.array_equal(NoiseSource(noise, period).block(0, 20_000), normals[exact])
 
 
 @given(st.integers(1, 5000), st.integers(1, 5000), st.integers(0, 10**5))
 def test_rounding_never_moves_a_boundary(rate: int, noise_rate: int, seconds: int) -> None:
     """At whole seconds the index is known, also where the float quotient falls just below."""
-    found = sample_index(seconds * rate, 1 / rate, 1 / noise_rate)
-    assert found == seconds * noise_rate
+    found = sample_indices(seconds * rate, 1, 1 / rate, 1 / noise_rate)
+    assert found.tolist() == [seconds * noise_rate]
 
 
 def test_sample_time_zero_draws_each_period() -> None:
@@ -62,7 +63,7 @@ def test_skipping_ahead_and_reading_all_give_the_same_bits(
 ) -> None:
     noise = Noise(variance=2.0, sample_time=sample_time, seed=seed)
     periods = np.cumsum(strides)
-    whole = noise_sequence(noise, 0.001, int(periods[-1]) + 1)
+    whole = NoiseSource(noise, 0.001).block(0, int(periods[-1]) + 1)
     source, skipping = NoiseSource(noise, 0.001), NoiseSource(noise, 0.001)
     assert [source.at(k) for k in range(len(whole))] == whole.tolist()
     assert [skipping.at(int(k)) for k in periods] == [whole[k] for k in periods]
@@ -70,11 +71,11 @@ def test_skipping_ahead_and_reading_all_give_the_same_bits(
 
 def test_a_long_skip_draws_in_chunks_and_stays_in_step() -> None:
     noise = Noise(variance=1.0, seed=5)
-    assert NoiseSource(noise, 1.0).at(200_000) == noise_sequence(noise, 1.0, 200_001)[-1]
+    assert NoiseSource(noise, 1.0).at(200_000) == NoiseSource(noise, 1.0).block(0, 200_001)[-1]
 
 
 def test_the_variance_scales_and_leaves_the_sequence_alone() -> None:
-    plain = noise_sequence(Noise(variance=1.0, seed=3), 0.01, 100)
+    plain = NoiseSource(Noise(variance=1.0, seed=3), 0.01).block(0, 100)
     source = NoiseSource(Noise(variance=0.0, seed=3), 0.01)
     found = []
     for k in range(100):
@@ -88,12 +89,12 @@ def test_the_variance_scales_and_leaves_the_sequence_alone() -> None:
 
 def test_known_bits() -> None:
     """PCG64 with the ziggurat method: pinned, since runs are compared across machines."""
-    found = noise_sequence(Noise(variance=1.0, seed=0), 1.0, 3).tolist()
+    found = NoiseSource(Noise(variance=1.0, seed=0), 1.0).block(0, 3).tolist()
     assert found == PINNED
 
 
 def test_the_statistics() -> None:
-    values = noise_sequence(Noise(variance=1e-4, seed=11), 0.001, 200_000)
+    values = NoiseSource(Noise(variance=1e-4, seed=11), 0.001).block(0, 200_000)
     assert abs(values.mean()) < 5 * 0.01 / 200_000**0.5
     assert values.var() == pytest.approx(1e-4, rel=0.02)
     assert abs(np.corrcoef(values[1:], values[:-1])[0, 1]) < 0.01
@@ -112,11 +113,11 @@ def test_a_bad_period_is_refused(period: float) -> None:
     with pytest.raises(SettingError, match='period'):
         NoiseSource(Noise(), period)
     with pytest.raises(SettingError, match='period'):
-        noise_sequence(Noise(), period, 3)
+        NoiseSource(Noise(), period).block(0, 3)
 
 
 def test_an_empty_sequence() -> None:
-    assert noise_sequence(Noise(), 0.1, 0).tolist() == []
+    assert NoiseSource(Noise(), 0.1).block(0, 0).tolist() == []
 
 
 def test_blocks_read_the_same_bits_as_periods() -> None:

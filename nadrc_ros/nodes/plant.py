@@ -195,7 +195,7 @@ class PlantNode(LiveNode):
         self.process.noise.set_variance(noise.variance)
 
     def _inject(self, faults: Faults) -> None:
-        self.process.inject(faults)
+        self.process.faults.change(faults, self.process.k)
 
     # ---- samples ----
 
@@ -235,7 +235,8 @@ class PlantNode(LiveNode):
         before, self._faults = self._faults, self.process.faults.acting(self.process.k)
         if self._faults != before:  # one began or ended, by itself or as it was asked to
             self.events.tell('fault', ', '.join(self._faults) or 'none', WARN)
-        for sample in self.process.samples(self.process.measurement, still=not self._started):
+        run = self.process
+        for sample in run.faults.deliver(run.k, run.measurement, still=not self._started):
             # One that a newer one has overtaken reaches no reader: the middleware drops it.
             if sample.number >= self._newest:
                 self._newest = sample.number
@@ -263,7 +264,7 @@ class PlantNode(LiveNode):
         """Let some periods pass under one command; the truth is that of the first."""
         finite = True
         for i in range(periods):
-            acting = self.process.act(command)
+            acting = self.process.faults.act(self.process.k, command)
             if i == 0:
                 self._truth.send(self.process.total_disturbance(command, acting))
             finite = self.process.advance(acting)

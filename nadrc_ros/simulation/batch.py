@@ -18,7 +18,7 @@ import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
-from nadrc_ros.simulation.metrics import metric_values, MetricValues
+from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.simulation.simulate import kernel_of
 import numpy as np
 
@@ -161,7 +161,7 @@ def run_metrics(
     one = attrs.evolve(experiment, noise=noise)
     loop = Loop(one, settings)
     loop.run(np.empty((0, ROW_WIDTH)), kernel_of(one, one.steps, compiled, say))
-    values = attrs.asdict(metric_values(loop.acc))
+    values = attrs.asdict(loop.metrics.values())
     return RunMetrics(**values, remainder_itae=tuple(loop.remainders[: loop.levels]))
 
 

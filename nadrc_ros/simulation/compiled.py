@@ -39,8 +39,8 @@ import numpy as np
 _LAW = tuple(
     import_module(f'nadrc_ros.adrc.{name}')
     for name in (
-        *('limiter', 'feedback', 'state', 'differentiator', 'observer'),
-        *('law', 'transfer', 'supervisor', 'tick'),
+        *('limiter', 'feedback', 'state', 'differentiator', 'observer', 'law', 'transfer'),
+        *('supervisor', 'tick', 'sample', 'settings', 'status'),
     )
 )
 _SIMULATION = (integrate, total_disturbance, accumulate, accumulate_remainders)
@@ -177,8 +177,8 @@ def compiled_loop(
             k += 1
         return k, status, command, policy, (k - first) % 2
 
-    parts = (loop, *methods, *_law(), *_SIMULATION)
-    fast: Callable[..., Any] = numba.njit(nogil=True, cache=_named_by_source(loop, parts))(loop)
+    known = _named_by_source(loop, (*methods, *_SIMULATION))
+    fast: Callable[..., Any] = numba.njit(nogil=True, cache=known)(loop)
     return fast
 
 
@@ -195,29 +195,28 @@ def same_alone(
     """
     derivative, output, *sampled = map(_alone, methods)
     plant, *signals = things
-    same = True
     probes = probe_states(plant.states)[1:]
     for i, t in enumerate(times):
         x = [(1.0 + 0.01 * i) * part for part in probes[i % len(probes)]]
-        same = same and output(fields[0], np.array(x)) == x[0]
-        calls: list[tuple[Any, ...]] = [
-            (plant.states, derivative, type(plant).derivative, plant, (x, 0.1 * i, 1.0))
+        calls: list[Any] = [
+            (derivative, fields[0], plant, type(plant).derivative, (t, x, 0.1 * i, 1.0))
         ]
-        for method, signal in zip(sampled, signals):
-            calls.append((_REFERENCE_ENTRIES, method, type(signal).derivatives, signal, ()))
-        for own, (size, fast, plain, thing, more) in zip(fields, calls):
-            out, expected = np.zeros(size), [0.0] * size
-            try:
-                plain(thing, t, *more, expected)
-            except Exception:  # it will be said by the run that comes there
-                continue
-            fast(own, t, *map(_as_array, more), out)
-            same = same and np.array_equal(expected, out, equal_nan=True)
-    return same
+        for fast, own, signal in zip(sampled, fields[1:], signals):
+            calls.append((fast, own, signal, type(signal).derivatives, (t,)))
+        if output(fields[0], np.array(x)) != x[0] or not all(_same(*call) for call in calls):
+            return False
+    return True
 
 
-def _as_array(value: Any) -> Any:
-    return np.array(value) if isinstance(value, list) else value
+def _same(fast: Any, own: Any, thing: Any, plain: Any, arguments: tuple[Any, ...]) -> bool:
+    entries = _REFERENCE_ENTRIES if len(arguments) == 1 else thing.states
+    out, expected = np.zeros(entries), [0.0] * entries
+    try:
+        plain(thing, *arguments, expected)
+    except Exception:  # it will be said by the run that comes there
+        return True
+    fast(own, *(np.array(a) if isinstance(a, list) else a for a in arguments), out)
+    return np.array_equal(expected, out, equal_nan=True)
 
 
 @lru_cache(_LOOPS_KEPT)
@@ -233,7 +232,7 @@ def share_law() -> None:
         if function is not tick:
             _register(function)
     shared = FunctionType(tick.__code__, tick.__globals__)
-    options = {'forceinline': True, 'cache': _named_by_source(shared, _law())}
+    options = {'forceinline': True, 'cache': _named_by_source(shared, ())}
     overload(tick, jit_options=options, strict=False)(lambda *arguments: shared)
 
 
@@ -254,14 +253,17 @@ def _law() -> tuple[Callable[..., Any], ...]:
 
 def _named_by_source(function: Any, parts: Iterable[Callable[..., Any]]) -> bool:
     """
-    Give a function the name of its file on disk, of the source files that its parts are from.
+    Give a function the name of its file on disk: one hash of the law's source and of its parts'.
 
-    Return False if there is no such file, as for what is typed into an interpreter: then nothing
-    would tell one state of it from another.
+    The parts are named in it too, as no two loops may share a file: numba numbers what is in one,
+    and of two processes that add to it at once one would read what the other wrote. Return False
+    without source, as for what is typed into an interpreter: then nothing would tell one state of
+    it from another.
     """
-    digest = sha256()
+    parts = (function, *parts)
+    digest = sha256(repr([(part.__module__, part.__qualname__) for part in parts]).encode())
     try:
-        for module in dict.fromkeys(map(getmodule, parts)):
+        for module in dict.fromkeys((*_LAW, *map(getmodule, parts))):
             digest.update(getsource(module).encode())  # type: ignore[arg-type]
     except (OSError, TypeError):
         return False

@@ -11,16 +11,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from math import ceil, copysign, expm1, inf, isfinite, nan
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import attrs
 from nadrc_ros.adrc.fields import choice, number
 from nadrc_ros.adrc.settings import FASTEST, LARGEST, LONGEST, SMALLEST
 import numpy as np
 
-NEVER = 2**62
+_NEVER = 2**62
 # A reordered sample comes when so many newer ones are there.
-OVERTAKEN = 2
+_OVERTAKEN = 2
 F = TypeVar('F', 'MeasurementFault', 'CommandFault')
 
 
@@ -51,7 +51,7 @@ class Acting(Generic[F]):
         self.fault: F = fault
         self.rate = rate
         self.begin = origin + first_period(fault.start, rate)
-        self.end = NEVER
+        self.end = _NEVER
         if fault.duration > 0.0:
             self.end = self.begin + first_period(fault.duration, rate)
         self.k = 0
@@ -96,16 +96,12 @@ Spoil = Callable[[Acting['MeasurementFault'], float], float]
 Act = Callable[[Acting['CommandFault'], float], float]
 
 
-def _spoilt(spoil: Spoil) -> Deliver:
-    return lambda acting, sample: [sample._replace(value=spoil(acting, sample.value))]
-
-
 def _delayed(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
     return _sent_late(acting, sample, first_period(acting.fault.time, acting.rate))
 
 
 def _reordered(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    return _sent_late(acting, sample, OVERTAKEN)
+    return _sent_late(acting, sample, _OVERTAKEN)
 
 
 def _sent_late(acting: Acting[MeasurementFault], sample: Sample, periods: int) -> list[Sample]:
@@ -139,37 +135,30 @@ def _rate_limited(acting: Acting[CommandFault], command: float) -> float:
     return command
 
 
-MEASUREMENT_KINDS: dict[str, Deliver] = {
+_DELIVERIES: dict[str, Deliver] = {
     'silent': lambda acting, sample: [],
     'intermittent': lambda acting, sample: [],
-    'stuck': _spoilt(Acting.hold),
-    'garbage': _spoilt(lambda acting, y: acting.fault.size * (2.0 * acting.uniform() - 1.0)),
-    'bias': _spoilt(lambda acting, y: y + acting.fault.size),
-    'slow': _spoilt(_slow),
-    'not_a_number': _spoilt(lambda acting, y: nan),
-    'infinite': _spoilt(lambda acting, y: copysign(inf, acting.fault.size)),
-    'spike': _spoilt(lambda acting, y: y + copysign(acting.fault.size, acting.uniform() - 0.5)),
-    'quantised': _spoilt(_quantised),
     'delayed': _delayed,
     'duplicated': lambda acting, sample: [sample, sample],
     'reordered': _reordered,
     'clock_jump': _jumped,
 }
-# With these no valid measurement arrives.
-BLINDING = ('silent', 'not_a_number', 'infinite')
-LATE = ('delayed', 'reordered')
 # With these each period has its one sample.
-ONE_EACH = (
-    'none',
-    'stuck',
-    'garbage',
-    'bias',
-    'slow',
-    'not_a_number',
-    'infinite',
-    'spike',
-    'quantised',
-)
+_SPOILT: dict[str, Spoil] = {
+    'stuck': Acting.hold,
+    'garbage': lambda acting, y: acting.fault.size * (2.0 * acting.uniform() - 1.0),
+    'bias': lambda acting, y: y + acting.fault.size,
+    'slow': _slow,
+    'not_a_number': lambda acting, y: nan,
+    'infinite': lambda acting, y: copysign(inf, acting.fault.size),
+    'spike': lambda acting, y: y + copysign(acting.fault.size, acting.uniform() - 0.5),
+    'quantised': _quantised,
+}
+MEASUREMENT_KINDS = (*_DELIVERIES, *_SPOILT)
+ONE_EACH = ('none', *_SPOILT)
+# With these no valid measurement arrives.
+_BLINDING = ('silent', 'not_a_number', 'infinite')
+_LATE = ('delayed', 'reordered')
 COMMAND_KINDS: dict[str, Act] = {
     'stuck': Acting.hold,
     'reversed': lambda acting, u: -u,
@@ -238,7 +227,7 @@ class Faults:
     def blind(self) -> bool:
         """Tell whether no valid measurement arrives at the start."""
         return any(
-            fault.kind in BLINDING and fault.start == 0.0 and fault.probability == 1.0
+            fault.kind in _BLINDING and fault.start == 0.0 and fault.probability == 1.0
             for fault in self.measurement
         )
 
@@ -266,8 +255,6 @@ class Injector:
         """Go on with these from period ``k`` on; those that stay as they were go on as they do."""
         self._measurement = self._changed(self._measurement, faults.measurement, k)
         self._command = self._changed(self._command, faults.command, k)
-        self._windows = [(each.begin, each.end) for each in self._measurement.values()]
-        self._windows += [(each.begin, each.end) for each in self._command.values()]
 
     def _changed(
         self, before: dict[int, Acting[F]], faults: tuple[F, ...], k: int
@@ -288,7 +275,7 @@ class Injector:
         """
         samples = [Sample(value, float(k), k)]
         for acting in self._measurement.values():
-            if acting.acts(k) and not (still and acting.fault.kind in LATE):
+            if acting.acts(k) and not (still and acting.fault.kind in _LATE):
                 samples = _pass_on(acting, samples)
         return samples
 
@@ -299,24 +286,32 @@ class Injector:
                 command = COMMAND_KINDS[acting.fault.kind](acting, command)
         return command
 
+    @property
+    def _all(self) -> list[tuple[str, Acting[Any]]]:
+        found: list[tuple[str, Acting[Any]]] = []
+        found += (('measurement', acting) for acting in self._measurement.values())
+        found += (('command', acting) for acting in self._command.values())
+        return found
+
     def acting(self, k: int) -> list[str]:
         """Return where the faults are that act in period ``k``, and of what kind."""
-        found = [f'measurement {e.fault.kind}' for e in self._measurement.values() if e.acts_in(k)]
-        found += [f'command {e.fault.kind}' for e in self._command.values() if e.acts_in(k)]
-        return found
+        return [f'{where} {each.fault.kind}' for where, each in self._all if each.acts_in(k)]
 
     def acts(self, k: int) -> bool:
         """Tell whether any fault acts in period ``k``."""
-        return any(begin <= k < end for begin, end in self._windows)
+        return any(each.acts_in(k) for _, each in self._all)
 
     def next_begin(self, k: int) -> int:
         """Return the first period from ``k`` on in which a fault begins."""
-        return min((begin for begin, _ in self._windows if begin >= k), default=NEVER)
+        return min((each.begin for _, each in self._all if each.begin >= k), default=_NEVER)
 
 
 def _pass_on(acting: Acting[MeasurementFault], samples: list[Sample]) -> list[Sample]:
     fault, passed = acting.fault, []
     for sample in samples:
         hit = fault.probability == 1.0 or acting.uniform() < fault.probability
-        passed += MEASUREMENT_KINDS[fault.kind](acting, sample) if hit else [sample]
+        if hit and fault.kind in _SPOILT:
+            passed.append(sample._replace(value=_SPOILT[fault.kind](acting, sample.value)))
+        else:
+            passed += _DELIVERIES[fault.kind](acting, sample) if hit else [sample]
     return passed + acting.arrived()

@@ -49,7 +49,7 @@ class Kernel:
         experiment, plant_run, running = loop.experiment, loop.plant_run, loop.controller
         design = running.design
         states = [tuple_of(state) for state in (running.state, blank_state(design))]
-        acc, remainders = np.array(loop.acc), np.array(loop.remainders)
+        acc, remainders = np.array(loop.metrics.sums), np.array(loop.remainders)
         counts = np.zeros(len(Status), dtype=np.int64)
         reference = np.array(running.reference)
         xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
@@ -93,7 +93,7 @@ class Kernel:
             running.status = Status(status)
             for each in Status:
                 running.counts[each] += int(counts[each])
-            loop.acc, loop.remainders = acc.tolist(), remainders.tolist()
+            loop.metrics.sums, loop.remainders = acc.tolist(), remainders.tolist()
         return True
 
 

@@ -10,7 +10,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, Sample
-from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders, sums
+from nadrc_ros.simulation.metrics import accumulate_remainders, Metrics
 from nadrc_ros.simulation.protocols import Signal
 import numpy as np
 import numpy.typing as npt
@@ -47,8 +47,8 @@ class Loop:
     ----------
     plant_run, controller
         The plant, with the number k of the next period, and what controls it.
-    acc
-        The sums of :func:`~nadrc_ros.simulation.metrics.accumulate`.
+    metrics
+        The figures of merit so far.
     remainders
         The sums of :func:`~nadrc_ros.simulation.metrics.accumulate_remainders`.
     levels
@@ -62,7 +62,7 @@ class Loop:
         self.experiment = experiment
         self.plant_run = experiment.plant_run()
         self.controller = Controller(settings, checked=not experiment.faults.blind)
-        self.acc = sums(experiment.settled)
+        self.metrics = Metrics(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
@@ -115,14 +115,14 @@ class Loop:
         r = sample_reference(experiment.reference, k, experiment.rate)
         y = plant_run.output
         measured = y + float(self.noise[k - self.noise_start])
-        measurement, dt = self._take(plant_run.samples(measured))
+        measurement, dt = self._take(plant_run.faults.deliver(k, measured))
         u = controller.tick(measurement, dt, elapsed=h, reference=r)
-        acting = plant_run.act(u)
+        acting = plant_run.faults.act(k, u)
         followed = r[0] if experiment.error == 'reference' else controller.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
         truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - now.b0) * u
-        accumulate(self.acc, t, h, followed - y, u, saturated)
+        self.metrics.add(t, h, followed - y, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
         if len(rows):

@@ -17,7 +17,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.state import State
-from nadrc_ros.simulation.protocols import MutableVector, Vector
+from nadrc_ros.simulation.protocols import MutableVector
 
 ITAE = 0
 ISU = 1
@@ -36,7 +36,7 @@ LAST_COMMAND = 13
 SETTLED = 14
 SIZE = 15
 # Figures that nothing has, too.
-COUNTS = ('samples', 'skipped', 'duration')
+_COUNTS = ('samples', 'skipped', 'duration')
 
 
 def _known(value: float | None) -> float:
@@ -107,18 +107,10 @@ class MetricValues:
         return {
             # sums of nothing are 0, which is the best that a figure can be
             name: None
-            if not (self.samples or name in COUNTS) or (isinstance(value, float) and isnan(value))
+            if not (self.samples or name in _COUNTS) or (isinstance(value, float) and isnan(value))
             else value
             for name, value in found.items()
         }
-
-
-def sums(settle_time: float) -> list[float]:
-    """Return what :func:`accumulate` begins with; peak errors count from the settle time on."""
-    acc = [0.0] * SIZE
-    acc[SETTLED] = settle_time
-    acc[PEAK_ERROR] = nan
-    return acc
 
 
 def accumulate(
@@ -130,7 +122,7 @@ def accumulate(
     saturated: bool,
 ) -> None:
     """
-    Add the sample of the period [t, t + h] to the sums in ``acc``, which :func:`sums` begins.
+    Add the sample of the period [t, t + h] to ``acc``, the sums of a :class:`Metrics`.
 
     Parameters
     ----------
@@ -198,28 +190,6 @@ def accumulate_remainders(
             sums[k] = total
 
 
-def metric_values(acc: Vector) -> MetricValues:
-    """Return the figures of merit that the sums in ``acc`` amount to."""
-    duration = float(acc[DURATION])
-    held = duration > 0.0
-    return MetricValues(
-        itae=float(acc[ITAE]),
-        isu=float(acc[ISU]),
-        iae=float(acc[IAE]),
-        ise=float(acc[ISE]),
-        itse=float(acc[ITSE]),
-        rmse=sqrt(acc[ISE] / duration) if held else 0.0,
-        max_error=float(acc[MAX_ERROR]),
-        peak_error=float(acc[PEAK_ERROR]),
-        max_command=float(acc[MAX_COMMAND]),
-        total_variation=float(acc[TOTAL_VARIATION]),
-        saturated_fraction=float(acc[SATURATED] / duration) if held else 0.0,
-        samples=int(acc[SAMPLES]),
-        skipped=int(acc[SKIPPED]),
-        duration=duration,
-    )
-
-
 class Metrics:
     """
     The streaming accumulator that the simulation and the recorder share.
@@ -229,21 +199,46 @@ class Metrics:
     settle_time
         From when on ``peak_error`` counts [s].
 
+    Attributes
+    ----------
+    sums
+        What :func:`accumulate` adds to.
+
     """
 
     def __init__(self, settle_time: float) -> None:
-        self._acc = sums(settle_time)
+        self.sums = [0.0] * SIZE
+        self.sums[SETTLED] = settle_time
+        self.sums[PEAK_ERROR] = nan
 
     def settle_from(self, settle_time: float) -> None:
         """Let ``peak_error`` count from another time on [s]."""
-        self._acc[SETTLED] = settle_time
+        self.sums[SETTLED] = settle_time
 
     def add(
         self, t: float, h: float, error: float, command: float, saturated: bool = False
     ) -> None:
         """Add the sample of the period [t, t + h] [s]."""
-        accumulate(self._acc, t, h, error, command, saturated)
+        accumulate(self.sums, t, h, error, command, saturated)
 
     def values(self) -> MetricValues:
         """Return the figures of merit so far."""
-        return metric_values(self._acc)
+        acc = self.sums
+        duration = acc[DURATION]
+        held = duration > 0.0
+        return MetricValues(
+            itae=acc[ITAE],
+            isu=acc[ISU],
+            iae=acc[IAE],
+            ise=acc[ISE],
+            itse=acc[ITSE],
+            rmse=sqrt(acc[ISE] / duration) if held else 0.0,
+            max_error=acc[MAX_ERROR],
+            peak_error=acc[PEAK_ERROR],
+            max_command=acc[MAX_COMMAND],
+            total_variation=acc[TOTAL_VARIATION],
+            saturated_fraction=acc[SATURATED] / duration if held else 0.0,
+            samples=int(acc[SAMPLES]),
+            skipped=int(acc[SKIPPED]),
+            duration=duration,
+        )

@@ -7,7 +7,7 @@ adds Gaussian noise of variance 1e-4 to the output and does not give the sample 
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import inf, sqrt
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
@@ -16,8 +16,9 @@ from nadrc_ros.adrc.settings import LARGEST, LONGEST
 import numpy as np
 import numpy.typing as npt
 
-NEARLY = 1e-12
-CHUNK = 65536
+# Of a whole number, relative: rounding makes a quotient miss it by a few units in the last place.
+_NEARLY = 1e-12
+_CHUNK = 65536
 
 
 @attrs.frozen(kw_only=True)
@@ -53,11 +54,12 @@ class NoiseSource:
     """
 
     def __init__(self, noise: Noise, period: float) -> None:
-        _check_period(period)
+        if not 0.0 < period < inf:
+            raise SettingError('period', period, 'a finite number of seconds, above 0')
         self.sample_time = noise.sample_time
         self.period = period
         self.set_variance(noise.variance)
-        self._generator = _generator(noise.seed)
+        self._generator = np.random.Generator(np.random.PCG64(noise.seed))
         self._drawn = 0
         self._normal = 0.0
 
@@ -66,78 +68,48 @@ class NoiseSource:
         self._scale = sqrt(Noise(variance=variance).variance)
 
     def at(self, k: int) -> float:
-        """
-        Return the noise of period ``k`` = 0, 1, ..., never less than the one before.
-
-        A new sample is drawn when :func:`sample_index` goes up, and one for each index skipped.
-        """
-        missing = sample_index(k, self.period, self.sample_time) + 1 - self._drawn
-        if missing < 0:
-            raise ValueError(f'period {k} lies before one that was already read')
-        self._drawn += missing
-        while missing > 1:
-            chunk = min(missing - 1, CHUNK)
-            self._generator.standard_normal(chunk)
-            missing -= chunk
-        if missing:
-            self._normal = float(self._generator.standard_normal())
-        return self._scale * self._normal
+        """Return the noise of period ``k`` = 0, 1, ..., never less than the one before."""
+        return float(self.block(k, 1)[0])
 
     def block(self, k: int, count: int) -> npt.NDArray[np.float64]:
-        """Return the noise of periods ``k`` to ``k + count - 1``: the bits that ``at`` gives."""
+        """
+        Return the noise of periods ``k`` to ``k + count - 1``, whatever the blocks: the same bits.
+
+        A new sample is drawn when :func:`sample_indices` go up, and one for each index skipped.
+        """
         if count < 1:
             return np.zeros(0)
-        indices = _sample_indices(k, count, self.period, self.sample_time)
+        indices = sample_indices(k, count, self.period, self.sample_time)
         held = self._drawn - 1
+        if indices[0] < held:
+            raise ValueError(f'period {k} lies before one that was already read')
         missing = int(indices[-1]) - held
-        if missing > count or indices[0] < held:  # many are skipped, or `at` refuses
-            return np.array([self.at(i) for i in range(k, k + count)])
+        if missing > count > 1:  # more samples than periods need not all be there at once
+            return np.concatenate([self.block(i, 1) for i in range(k, k + count)])
+        while count == 1 < missing:
+            skipped = min(missing - 1, _CHUNK)
+            self._generator.standard_normal(skipped)
+            held, missing = held + skipped, missing - skipped
         normals = np.empty(missing + 1)
         normals[0] = self._normal
         self._generator.standard_normal(out=normals[1:])
-        self._drawn += missing
+        self._drawn = held + missing + 1
         self._normal = float(normals[-1])
         found: npt.NDArray[np.float64] = self._scale * normals[indices - held]
         return found
 
 
-def sample_index(k: int, period: float, sample_time: float) -> int:
+def sample_indices(k: int, count: int, period: float, sample_time: float) -> npt.NDArray[np.int64]:
     """
-    Return floor(k period / sample_time), or ``k`` if the sample time is 0.
+    Return floor(i period / sample_time) of ``count`` periods i from ``k`` on, i for no such time.
 
-    Rounding makes the quotient miss a whole number by a few units in the last place, so one within
-    a relative 1e-12 of a whole number counts as that number.
+    A quotient within a relative 1e-12 of a whole number counts as that number.
     """
-    if sample_time == 0.0:
-        return k
-    quotient = k * (period / sample_time)
-    nearest = round(quotient)
-    return nearest if abs(quotient - nearest) <= NEARLY * quotient else floor(quotient)
-
-
-def noise_sequence(noise: Noise, period: float, count: int) -> npt.NDArray[np.float64]:
-    """Return the noise of periods 0 to ``count`` - 1: the same bits as reading them one by one."""
-    return NoiseSource(noise, period).block(0, count)
-
-
-def _sample_indices(
-    k: int, count: int, period: float, sample_time: float
-) -> npt.NDArray[np.int64]:
-    """Return :func:`sample_index` of ``count`` periods from ``k`` on."""
     periods = np.arange(k, k + count)
     if sample_time in (0.0, period):
         return periods
     quotient = periods * (period / sample_time)
     nearest = np.rint(quotient)
-    near = np.abs(quotient - nearest) <= NEARLY * quotient
+    near = np.abs(quotient - nearest) <= _NEARLY * quotient
     indices: npt.NDArray[np.int64] = np.where(near, nearest, np.floor(quotient)).astype(np.int64)
     return indices
-
-
-def _generator(seed: int) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(seed))
-
-
-def _check_period(period: float) -> None:
-    if not 0.0 < period < float('inf'):
-        raise SettingError('period', period, 'a finite number of seconds, above 0')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-from nadrc_ros.simulation.faults import Faults, Injector, Sample
+from nadrc_ros.simulation.faults import Faults, Injector
 from nadrc_ros.simulation.integrate import Integrator, ran_away, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.protocols import Plant, Signal, total_disturbance
@@ -28,7 +28,7 @@ class PlantRun:
     initial_state
         x(0), shape (states,).
     faults
-        What goes wrong with its sensor and its actuator.
+        What goes wrong with its sensor and its actuator, which is for the caller to let happen.
     noise_signal
         What is added to its measurements beside the noise.
 
@@ -62,10 +62,6 @@ class PlantRun:
         self.substeps = substeps_for(plant, 1.0 / self.rate)
         self._integrator = Integrator(plant, disturbance, self.substeps)
 
-    def inject(self, faults: Faults) -> None:
-        """Go on with other faults; the times of those that change count from now on."""
-        self.faults.change(faults, self.k)
-
     @property
     def output(self) -> float:
         """Return the noise-free output y(t_k)."""
@@ -74,28 +70,18 @@ class PlantRun:
     @property
     def measurement(self) -> float:
         """Return the output with the noise of period k."""
-        return self.output + self.noise_at(self.k)
-
-    def noise_at(self, k: int) -> float:
-        """Return all that is added to the output in period ``k``, never less than the last one."""
-        noise = self.noise.at(k)
-        return noise if self._random_alone else noise + self._added(k)
+        return self.output + float(self.noise_block(self.k, 1)[0])
 
     def noise_block(self, k: int, count: int) -> Array:
-        """Return what :meth:`noise_at` gives for ``count`` periods from ``k`` on."""
+        """Return all that is added to the output in ``count`` periods from ``k`` on."""
         noise = self.noise.block(k, count)
-        if self._random_alone:
+        if isinstance(self.noise_signal, Nothing):
             return noise
-        added: Array = np.array([self._added(i) for i in range(k, k + count)])
+        added = np.empty(count)
+        for i in range(count):
+            self.noise_signal.derivatives((k + i) / self.rate, self._w)
+            added[i] = self._w[0]
         return noise + added
-
-    @property
-    def _random_alone(self) -> bool:
-        return isinstance(self.noise_signal, Nothing)
-
-    def _added(self, k: int) -> float:
-        self.noise_signal.derivatives(k / self.rate, self._w)
-        return self._w[0]
 
     def total_disturbance(self, command: float, acting: float) -> float:
         """
@@ -121,18 +107,6 @@ class PlantRun:
                 raise
             return nan
         return unexplained if acting == command else unexplained + b0 * (acting - command)
-
-    def samples(self, measurement: float, *, still: bool = False) -> list[Sample]:
-        """
-        Return what arrives of the measurement of period k: one sample, but for faults.
-
-        ``still`` says that it was asked for before, as no time passes yet.
-        """
-        return self.faults.deliver(self.k, measurement, still=still)
-
-    def act(self, command: float) -> float:
-        """Return what the actuator makes of the command; to be called once in each period."""
-        return self.faults.act(self.k, command)
 
     def advance(self, acting: float) -> bool:
         """Act so over one period; False if the plant diverged (it is then all nan)."""

@@ -15,8 +15,16 @@ from nadrc_ros.adrc.settings import FASTEST, LARGEST, LEAST, SMALLEST
 from nadrc_ros.simulation.protocols import MAX_ORDER, MutableVector, Plant, Vector
 
 
+class _Output:
+    __slots__ = ()
+
+    def output(self, x: Vector) -> float:
+        """Return y = x[0]."""
+        return x[0]
+
+
 @attrs.frozen(kw_only=True)
-class PaperPlant:
+class PaperPlant(_Output):
     """
     x1' = x2, x2' = a1 x1 + a2 sin(x2) + w + (1 + a3 sin t) u, y = x1.
 
@@ -41,13 +49,9 @@ class PaperPlant:
         dx[0] = x[1]
         dx[1] = self.a1 * x[0] + self.a2 * sin(x[1]) + w + (1.0 + self.a3 * sin(t)) * u
 
-    def output(self, x: Vector) -> float:
-        """Return y = x1."""
-        return x[0]
-
 
 @attrs.frozen(kw_only=True)
-class Chain:
+class Chain(_Output):
     """
     y^(n) = -damping y^(n-1) + gain u - load + w, the plant that ADRC pretends to have.
 
@@ -78,13 +82,9 @@ class Chain:
         top = self.order - 1
         dx[top] = -self.damping * x[top] + self.gain * u - self.load + w
 
-    def output(self, x: Vector) -> float:
-        """Return y = x[0]."""
-        return x[0]
-
 
 @attrs.frozen(kw_only=True)
-class DcMotor:
+class DcMotor(_Output):
     """
     Voltage u [V] to speed [rad/s] and, for the position, angle [rad].
 
@@ -137,10 +137,6 @@ class DcMotor:
             u - self.resistance * current - self.torque_constant * speed
         ) / self.inductance
 
-    def output(self, x: Vector) -> float:
-        """Return y = x[0], the speed or the angle."""
-        return x[0]
-
 
 @attrs.frozen(kw_only=True)
 class MotorSpeed(DcMotor):
@@ -159,7 +155,7 @@ class MotorPosition(DcMotor):
 
 
 @attrs.frozen(kw_only=True)
-class Pendulum:
+class Pendulum(_Output):
     """
     m l^2 angle'' = u - friction angle' - m g l sin(angle) + m l^2 w, a point mass on a rod.
 
@@ -186,13 +182,9 @@ class Pendulum:
         dx[0] = x[1]
         dx[1] = (u - self.friction * x[1] - weight * sin(x[0])) / inertia + w
 
-    def output(self, x: Vector) -> float:
-        """Return y = x[0], the angle."""
-        return x[0]
-
 
 @attrs.frozen(kw_only=True)
-class Thermal:
+class Thermal(_Output):
     """
     Heater command u [%] to temperature T [degC], of order 1.
 
@@ -223,10 +215,6 @@ class Thermal:
         """Write dx/dt into ``dx``."""
         dx[0] = (x[1] - self.loss * (x[0] - self.ambient)) / self.capacity + w
         dx[1] = (self.power * u / 100.0 - x[1]) / self.heater_lag
-
-    def output(self, x: Vector) -> float:
-        """Return y = x[0], the temperature."""
-        return x[0]
 
 
 PLANTS = Registry[type[Plant]](

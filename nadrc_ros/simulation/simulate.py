@@ -9,7 +9,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.loop import COLUMNS, FIRST_LEVEL, Kernel, Loop, ROW_WIDTH
-from nadrc_ros.simulation.metrics import metric_values, MetricValues
+from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 import numpy.typing as npt
 
@@ -86,7 +86,7 @@ def simulate(
     return Result(
         **columns,
         disturbances=rows[:, FIRST_LEVEL : FIRST_LEVEL + loop.levels].copy(),
-        metrics=metric_values(loop.acc),
+        metrics=loop.metrics.values(),
         status_counts={s.name.lower(): n for s, n in loop.controller.counts.items() if n},
     )
 
