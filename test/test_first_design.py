@@ -16,7 +16,7 @@ from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.model import controller
 from nadrc_ros.theory.system import pick
 from nadrc_ros.tuning.design.advice import advice, advised, WORTH
-from nadrc_ros.tuning.design.bandwidths import BAND, readable, settling_factor
+from nadrc_ros.tuning.design.bandwidths import BAND, readable, settings_of, settling_factor
 from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidates, single
 from nadrc_ros.tuning.design.experiment import expect, experiment
 from nadrc_ros.tuning.design.first_design import first_design
@@ -151,6 +151,16 @@ def test_all_candidates_are_equally_noisy_and_within_the_budget() -> None:
     assert noise == pytest.approx([0.8] * 3, rel=3e-3)
     assert max(noise) <= noise_budget(asked)
     assert found[0].decided_by == 'the limit of the command noise'
+
+
+@pytest.mark.parametrize(
+    ('structure', 'paces'), [('nested', (1.0, 1.0, 1.0)), ('cascade', (1.0, 2.0, 4.0))]
+)
+def test_levels_are_equally_fast_and_those_of_a_cascade_each_twice_as_fast(
+    structure: str, paces: tuple[float, ...]
+) -> None:
+    settings = settings_of(wanted(), structure, 3, 10.0, 30.0)
+    assert make_design(settings).bandwidths == [30.0 * pace for pace in paces]
 
 
 def test_the_advice_follows_the_disturbance() -> None:

@@ -178,6 +178,22 @@ def test_the_limits_are_those_of_the_controller_that_ran_or_a_guess(lag: Recorde
     assert limits_of(saturated, None) == (0.0, 1.0)
 
 
+def test_noise_of_a_twentieth_of_the_range_of_the_command_is_what_a_design_may_cost(
+    lag: RecordedRun,
+) -> None:
+    log = log_of(lag)
+    found = identify(log, 1)
+    running = ControllerSettings(plant_order=1, command_min=-10.0, command_max=30.0)
+    quiet, noisy = (advise(attrs.evolve(found, noise=x), log, running) for x in (1e-5, 3.0))
+    assert (quiet.limit, noisy.limit) == ('the rate', 'the noise')
+    for advice in (quiet, noisy):
+        wanted, chosen = advice.design.wanted, advice.design.chosen
+        assert wanted.command_noise == 2.0 and wanted.command_limit == 10.0
+        assert chosen.prediction.command_noise <= 2.0
+    assert noisy.design.chosen.prediction.command_noise > 1.9
+    assert noisy.design.wanted.settling_time > 2.0 * quiet.design.wanted.settling_time
+
+
 def test_the_controller_that_ran_is_the_one_in_the_log() -> None:
     values = attrs.asdict(ControllerSettings(b0=3.0, command_max=12.0)) | {'rate': 50.0}
     of_plant = {'plant': 'chain', 'order': 2}
@@ -325,5 +341,9 @@ def test_the_scenario_to_go_on_from_repeats_the_experiment(
     # the load of 1 and the sine of 2 are what the gain and the damping do not explain
     assert scenario.disturbance.values['offset'] == pytest.approx(-1.0, abs=0.3)
     assert scenario.disturbance.values['amplitude'] == pytest.approx(2.0, rel=0.15)
+    assert scenario.disturbance.values['frequency'] == pytest.approx(0.7, abs=0.05)
+    followed = scenario_of(plant, log, advice.settings).reference.values
+    assert followed['frequency'] == pytest.approx(1.0, abs=0.1)
+    assert followed['offset'] == pytest.approx(log.measurement.mean(), abs=0.01)
     error = log.reference - log.measurement
     assert result.metrics.rmse < np.sqrt(np.mean(error**2))

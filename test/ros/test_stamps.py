@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.ros.stamps import Departures, Offset, SampleTimes
+from nadrc_ros.ros.stamps import Departures, Losses, Offset, SampleTimes
 import pytest
 
 MS = 1_000_000
@@ -304,3 +304,21 @@ def test_what_interrupts_the_reading_of_two_clocks_moves_nothing() -> None:
     assert offset() == first
     late[0] = 0
     assert offset() == pytest.approx(first + 20 * MS, abs=1000)
+
+
+def test_losses_are_the_numbers_between_a_sample_and_the_one_before_of_its_publisher() -> None:
+    losses = Losses()
+    assert [losses.before(number) for number in (5, 6, 9, 10)] == [0, 0, 2, 0]
+    assert [losses.before(number) for number in (1, 2, 3)] == [0, 0, 0]  # it was restarted
+    # from now on two publishers, in turns
+    assert [losses.before(number) for number in (11, 4, 13, 5)] == [0, 0, 1, 0]
+    assert losses.newest == 5 and not losses.unknown
+    assert losses.before(None) == 0 and losses.unknown
+
+
+def test_of_so_many_publishers_each_is_followed() -> None:
+    losses = Losses()
+    for begin in range(8000, 0, -1000):
+        assert losses.before(begin) == 0
+    for begin in range(8000, 0, -1000):
+        assert losses.before(begin + 2) == 1
