@@ -9,7 +9,7 @@ import re
 from typing import Any
 from xml.etree import ElementTree
 
-from nadrc_ros.demo.graph import NODES
+from nadrc_ros.demo.loop_processes import NODES
 from nadrc_ros.nodes.recorder import RecorderSettings
 import pytest
 

@@ -10,7 +10,7 @@ from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
-    from nadrc_ros.demo.live import Run
+    from nadrc_ros.demo.run import Run
     from nadrc_ros.records.recorded_run import RecordedRun
     from nadrc_ros.scenario import Scenario
 
@@ -78,7 +78,7 @@ def demo(
 
 
 def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str, Run]':
-    from nadrc_ros.demo.live import run_realtime
+    from nadrc_ros.demo.run import run_realtime
 
     with progress('s of the run', scenario.duration) as tell:
 
@@ -101,7 +101,7 @@ def _wait_for_ctrl_c() -> None:
 
 
 def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':
-    from nadrc_ros.demo.live import run_lockstep
+    from nadrc_ros.demo.run import run_lockstep
 
     for retune in scenario.retunes:
         complain(f'lockstep: the retune at {retune.time:g} s is left out')

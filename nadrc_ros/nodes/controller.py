@@ -34,7 +34,7 @@ from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import BAD_START, run
 from nadrc_ros.ros.stamps import SampleTimes
 from nadrc_ros.ros.topics import Info, reference_topics
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 Reference = Sequence[float | None]
 # Readers of the estimates, and rivals, are looked for so often [s].
@@ -105,7 +105,7 @@ class ControllerNode(LiveNode):
             taken = OutputWatch(self, self._command.topic, self.remarks)
             self.checks.append(lambda: taken.look(self.controller.mode == Mode.OK))
         self.create_service(SetBool, '~/enable', self._on_enable)
-        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.add_trigger('~/reset', self._reset)
         shared = self._loop.share_command or in_lockstep
         self._rivals = Rivals(self, self._command, shared=shared)
         levels = self.controller.design.levels
@@ -169,14 +169,12 @@ class ControllerNode(LiveNode):
         response.success, response.message = self.enable(request.data)
         return response
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+    def _reset(self) -> str:
         self.controller.reset()
         self.events.tell('reset', 'reset')
         if self.trace is not None:
             self.trace.reset()
-        said = 'the observers restart at the next measurement, without a bump'
-        response.success, response.message = True, said
-        return response
+        return 'the observers restart at the next measurement, without a bump'
 
     # ---- samples ----
 

@@ -9,22 +9,14 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.records.recording import ESTIMATES
 from nadrc_ros.ros.topics import Sender
 
-TOPICS = tuple(f'~/{topic}' for topic in ESTIMATES.values())
+_TOPICS = tuple(f'~/{topic}' for topic in ESTIMATES.values())
 
 
 class Estimates:
     """
-    Publishes the estimates that somebody reads; none of its topics goes away while the node runs.
+    Publishes the estimates that somebody reads, or in lockstep ``always`` all of them.
 
-    Parameters
-    ----------
-    make_sender
-        Makes the sender of a topic.
-    levels
-        How many levels there are at the start; a retune may add some.
-    always
-        Whether all are sent, also those that nobody reads, as in lockstep.
-
+    There is a topic for each of so many ``levels``; a retune may add some, and none goes away.
     """
 
     def __init__(self, make_sender: Callable[[str], Sender], levels: int, *, always: bool) -> None:
@@ -41,7 +33,7 @@ class Estimates:
     def send(self, controller: Controller) -> None:
         """Publish the estimates of the last step."""
         levels = controller.design.levels
-        if len(self._senders) < len(TOPICS) + levels:
+        if len(self._senders) < len(_TOPICS) + levels:
             self._add(levels)
         if not self._read:
             return
@@ -52,6 +44,6 @@ class Estimates:
                 self._senders[i].send(values[i])
 
     def _add(self, levels: int) -> None:
-        topics = [*TOPICS, *(f'~/level_{k + 1}/disturbance' for k in range(levels))]
+        topics = [*_TOPICS, *(f'~/level_{k + 1}/disturbance' for k in range(levels))]
         self._senders += [self._make_sender(topic) for topic in topics[len(self._senders) :]]
         self.look()

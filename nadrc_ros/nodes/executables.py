@@ -6,28 +6,9 @@ Nothing of ROS is imported before a node is asked for: where ROS is missing, one
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 import sys
-
-
-def controller() -> int:
-    """Run the controller node."""
-    return _run('controller')
-
-
-def plant() -> int:
-    """Run the plant node."""
-    return _run('plant')
-
-
-def reference() -> int:
-    """Run the reference node."""
-    return _run('reference')
-
-
-def recorder() -> int:
-    """Run the recorder node."""
-    return _run('recorder')
 
 
 def _run(node: str) -> int:
@@ -42,3 +23,8 @@ def _run(node: str) -> int:
         return 1
     code: int = module.main()
     return code
+
+
+controller, plant, reference, recorder = (
+    partial(_run, node) for node in ('controller', 'plant', 'reference', 'recorder')
+)

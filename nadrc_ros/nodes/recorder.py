@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import declared, number, text
 from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.intake import Intake
@@ -40,14 +40,13 @@ from nadrc_ros.records.recording import (
 from nadrc_ros.records.rows import Gap, Row
 from nadrc_ros.ros.diagnostics import OK, receive_events, Report, WARN
 from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.parameter_watch import ParameterWatch
 from nadrc_ros.ros.parameters import written_to
 from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.topics import Info, Sender
 from nadrc_ros.simulation.metrics import MetricValues
 import rclpy
-from rclpy.clock import Clock, ClockType
-from std_srvs.srv import Trigger
 
 # Rows are written, and figures sent, so often [s].
 _FLUSH = 0.2
@@ -130,10 +129,9 @@ class RecorderNode(LiveNode):
             self.intake = Intake(self, topics, self.settings.duration or inf)
             if not self.intake.simulated:  # stamps are of this machine's clock
                 self._columns += STAMPS
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_FLUSH, self._on_flush, clock=steady)
-        self.create_service(Trigger, '~/reset', self._on_reset)
-        self.create_service(Trigger, '~/save', self._on_save)
+        steady_timer(self, _FLUSH, self._on_flush)
+        self.add_trigger('~/reset', self._reset)
+        self.add_trigger('~/save', self._save)
 
     # ---- the run ----
 
@@ -316,29 +314,21 @@ class RecorderNode(LiveNode):
 
     # ---- services and reports ----
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+    def _reset(self) -> str:
         self._end_run()
-        try:
-            self.begin()
-        except SettingError as error:
-            response.success, response.message = False, str(error)
-            return response
+        self.begin()
         if self.failure:
-            response.success, response.message = False, self.failure
-            return response
-        response.success, response.message = True, f'a new run is recorded to {self.folder.path}'
-        return response
+            raise UserError(self.failure)
+        return f'a new run is recorded to {self.folder.path}'
 
-    def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+    def _save(self) -> str:
         try:
             if self.recording:
                 self.flush()
             self.folder.write_summary(self._summary())
         except OSError as error:
-            response.success, response.message = False, f'cannot write: {error.strerror}'
-            return response
-        response.success, response.message = True, str(self.folder.path)
-        return response
+            raise UserError(f'cannot write: {error.strerror}') from None
+        return str(self.folder.path)
 
     def report(self) -> Report:
         """Tell what is recorded, and what is missing."""

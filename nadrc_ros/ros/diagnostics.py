@@ -10,8 +10,8 @@ import time
 
 import attrs
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.topics import Info, with_info
-from rclpy.clock import Clock, ClockType
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -175,7 +175,7 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._now = -1
         self._stands_still = False
-        node.create_timer(1.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, 1.0, self._on_timer)
 
     def publish(self) -> None:
         """Publish now."""

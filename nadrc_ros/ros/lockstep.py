@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from threading import RLock
 import time
 
 from nadrc_ros.ros.graph import missing_readers
-from nadrc_ros.ros.pacing import PacingSettings
+from nadrc_ros.ros.pacing import PacingSettings, steady_timer
 from nadrc_ros.ros.topics import (
     Info,
     LOCKSTEP_RECEIVE,
@@ -16,13 +17,14 @@ from nadrc_ros.ros.topics import (
     receive,
     Sender,
 )
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 # rclpy has RCLError only in its extension module; every error of a publisher is a RuntimeError.
-PublishError = RuntimeError
+_PublishError = RuntimeError
 # Readers of a run that broke off are likely gone, which the middleware notices much later [s].
-BROKEN_OFF_WAIT = 0.1
+_BROKEN_OFF_WAIT = 0.1
+# Readers and samples that are due are looked after so often [s].
+_LOOK = 0.02
 
 
 class LockstepSender(Sender):
@@ -40,7 +42,7 @@ class LockstepSender(Sender):
             try:
                 super().send(value)
                 return
-            except PublishError as error:
+            except _PublishError as error:
                 if self._node.told_to_stop:
                     said = f'{self.topic}: the last sample could not be sent ({error})'
                     self._node.get_logger().warning(said)
@@ -58,24 +60,10 @@ class Lockstep:
     """
     Fires its node once per complete set of input samples.
 
-    Parameters
-    ----------
-    node
-        Ends, with a message, when a sample is missing or does not come in time.
-    pacing
-        Run length, expected readers and timeouts.
-    fire
-        Called with one value per input, in the order of the inputs.
-    start
-        Called once, when every expected reader of this node's outputs is there.
-
-    Attributes
-    ----------
-    fired
-        How often it fired.
-    on_fired
-        Called after each firing, for who watches from within the process.
-
+    It calls ``start`` when every expected reader of its outputs is there, and from then on
+    ``fire`` with one value per input, in the order of the inputs. The node fails when a sample is
+    missing or does not come in time: no queue is ever skipped, so that equal inputs give equal
+    bits. ``fired`` counts; ``on_fired`` is called after each, for who watches in the process.
     """
 
     def __init__(
@@ -94,26 +82,20 @@ class Lockstep:
         self._pacing = pacing
         self._fire = fire
         self._start = start
-        self._started = False
+        self.started = False
         self._began = time.monotonic()
         self._last = self._began
         self._topics: list[str] = []
         self._queues: list[deque[float]] = []
         self._numbers: list[int] = []
         self._senders: list[Sender] = []
-        self._poll = node.create_timer(
-            0.02, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        steady_timer(node, _LOOK, self._watch)
 
     def add_input(self, topic: str) -> None:
         """Add an input; samples are taken in the order in which inputs were added."""
-        index = len(self._queues)
+        take = partial(self._take, len(self._queues))
         self._queues.append(deque())
         self._numbers.append(0)
-
-        def take(value: float, info: Info) -> None:
-            self._take(index, value, info)
-
         self._topics.append(receive(self._node, topic, take, LOCKSTEP_RECEIVE).topic)
 
     def add_output(self, topic: str) -> Sender:
@@ -127,11 +109,6 @@ class Lockstep:
         """Tell whether the run has its full length."""
         return self.fired >= self._pacing.steps
 
-    @property
-    def started(self) -> bool:
-        """Tell whether every expected reader is there."""
-        return self._started
-
     def go_on(self, until: int | None = None) -> None:
         """Wait for samples from now on anew, and then fire until there were ``until`` in all."""
         self._last = time.monotonic()
@@ -141,7 +118,7 @@ class Lockstep:
 
     def flush(self) -> None:
         """Wait until every reader has what was sent; hardly at all for a run that broke off."""
-        wait = self._pacing.lockstep_timeout if self.complete else BROKEN_OFF_WAIT
+        wait = self._pacing.lockstep_timeout if self.complete else _BROKEN_OFF_WAIT
         end = time.monotonic() + wait
         for sender in self._senders:
             sender.await_delivery(max(0.0, end - time.monotonic()))
@@ -169,13 +146,13 @@ class Lockstep:
 
     @property
     def _may_fire(self) -> bool:
-        return self._started and not self._node.finished and self.fired < self._until
+        return self.started and not self._node.finished and self.fired < self._until
 
     def _watch(self) -> None:
         if self._node.finished:
             return
         now = time.monotonic()
-        if self._started:
+        if self.started:
             if now - self._last > self._pacing.lockstep_timeout:
                 empty = [t for t, queue in zip(self._topics, self._queues) if not queue]
                 self._node.fail(
@@ -192,7 +169,7 @@ class Lockstep:
             },
         )
         if not missing:
-            self._started = True
+            self.started = True
             self._last = now
             self._start()
             self._drain()

@@ -26,6 +26,7 @@ from nadrc_ros.ros.topics import Input, Receive, receive, Sender
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
 
 T = TypeVar('T')
 
@@ -162,6 +163,18 @@ class LiveNode(Node):
     def add_output(self, topic: str) -> Sender:
         """Return what sends on a topic, as the pacing asks for."""
         return Sender(self, topic) if self.lockstep is None else self.lockstep.add_output(topic)
+
+    def add_trigger(self, service: str, work: Callable[[], str]) -> None:
+        """Offer a service whose ``work`` returns what to answer, or raises why it cannot be."""
+
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.message, response.success = work(), True
+            except UserError as error:
+                response.message = str(error)
+            return response
+
+        self.create_service(Trigger, service, answer)
 
     def guarded(self, work: Callable[..., None]) -> Callable[..., None]:
         """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import inf
 import time
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
@@ -90,6 +91,11 @@ class PacingSettings:
                 raise SettingError('readers', self.readers, '"topic:node node; topic:node"')
             readers.setdefault(topic.strip(), []).extend(names.split())
         return readers
+
+
+def steady_timer(node: Node, seconds: float, callback: Callable[[], None]) -> Any:
+    """Return a timer on the steady clock, which goes on where simulated time stands still."""
+    return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class SharedTimer:

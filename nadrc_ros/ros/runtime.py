@@ -19,9 +19,9 @@ from typing import IO
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.ros.arguments import NodeParser, rules_of, tell_unused
 from nadrc_ros.ros.node import LiveNode
+from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.parameter_files import refuse_malformed
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
@@ -151,7 +151,7 @@ def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> No
         if over():
             done.set_result(None)
 
-    node.create_timer(_POLL, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    steady_timer(node, _POLL, look)
     while not done.done():
         spin_for(executor, _LONG, done)
 

@@ -13,7 +13,12 @@ from typing import Any, TypeAlias
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.demo.graph import command_timeout, node_parameters, pacing, recorder_parameters
+from nadrc_ros.demo.loop_parameters import (
+    command_timeout,
+    node_parameters,
+    pacing,
+    recorder_parameters,
+)
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode

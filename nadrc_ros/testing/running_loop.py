@@ -10,8 +10,8 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
-from nadrc_ros.demo.graph import expected_readers
-from nadrc_ros.demo.operation import GraphError
+from nadrc_ros.demo.loop_parameters import expected_readers
+from nadrc_ros.demo.loop_processes import GraphError
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode

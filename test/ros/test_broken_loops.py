@@ -11,8 +11,7 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.demo.operation import GraphError
-from nadrc_ros.testing import loop, RunningLoop
+from nadrc_ros.testing import GraphError, loop, RunningLoop
 import pytest
 from rclpy.experimental import EventsExecutor
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from nadrc_ros.adrc.status import Cause, Mode
-from nadrc_ros.demo.graph import node_parameters
+from nadrc_ros.demo.loop_parameters import node_parameters
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.scenario import loads, ScenarioError

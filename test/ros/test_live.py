@@ -7,7 +7,7 @@ from pathlib import Path
 import re
 import signal
 
-from nadrc_ros.demo.live import run_realtime
+from nadrc_ros.demo.run import run_realtime
 from nadrc_ros.scenario import loads
 from probe import NodeProcess, Probe, Processes
 import pytest

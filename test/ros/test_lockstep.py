@@ -13,7 +13,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.structures import STRUCTURES
-from nadrc_ros.demo.live import Run, run_lockstep
+from nadrc_ros.demo.run import Run, run_lockstep
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.ros.runtime import DESTROY_TIME, END_TIME
 from nadrc_ros.scenario import load, loads, Scenario

@@ -9,7 +9,8 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from nadrc_ros.demo.graph import node_parameters, NODES
+from nadrc_ros.demo.loop_parameters import node_parameters
+from nadrc_ros.demo.loop_processes import NODES
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.ros.diagnostics import ERROR

@@ -18,7 +18,6 @@ import attrs
 from nadrc_ros import testing
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.demo.operation import GraphError
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
@@ -29,7 +28,7 @@ from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.signals import make_signal
 from nadrc_ros.simulation.simulate import Result, simulate
-from nadrc_ros.testing import loop, RunningLoop, scenario_loop
+from nadrc_ros.testing import GraphError, loop, RunningLoop, scenario_loop
 import numpy as np
 import pytest
 import rclpy
@@ -382,7 +381,7 @@ MEMBERS = (
 
 
 def test_the_public_names_stay() -> None:
-    assert sorted(testing.__all__) == sorted([*PUBLIC, 'RunningLoop'])
+    assert sorted(testing.__all__) == sorted([*PUBLIC, 'GraphError', 'RunningLoop'])
     for name, arguments in PUBLIC.items():
         known = inspect.signature(getattr(testing, name)).parameters
         assert ' '.join(known) == arguments

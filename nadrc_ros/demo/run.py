@@ -1,37 +1,116 @@
-"""What a person at the terminals would do to running loops: look, enable, retune, wait."""
+"""
+Runs a scenario on the ROS graph, every node its own process: in real time or in lockstep.
+
+In real time an operator does what a person at the terminals would: look, enable, retune, wait.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+import json
 from math import isfinite
+from pathlib import Path
 import time
 from typing import Any
 
+import attrs
 from diagnostic_msgs.msg import DiagnosticArray
-from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.demo.graph import expected_readers, Loop
-from nadrc_ros.records.recording import SUMMARY
+from nadrc_ros.demo.loop_parameters import expected_readers
+from nadrc_ros.demo.loop_processes import check, GraphError, Loop, running
+from nadrc_ros.records.recording import read_samples, SUMMARY
+from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.graph import missing_readers
 from nadrc_ros.ros.parameter_watch import ASK_AGAIN
-from nadrc_ros.ros.runtime import make_executor, spin_for
+from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
 from nadrc_ros.ros.topics import receive
+from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Retune
-from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParametersAtomically
+import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-READY_TIME = 30.0
-ANSWER_TIME = 5.0
-SETTLE_TIME = 0.5
+# The nodes are there within so long, and services answer [s].
+_READY_TIME, _ANSWER_TIME = 30.0, 5.0
+# What was discovered works a little later [s].
+_SETTLE_TIME = 0.5
 
 # Called with the time since the start [s] and the ITAE of each loop so far.
 Progress = Callable[[float, dict[str, float]], None]
 
 
-class GraphError(UserError):
-    """A node failed, or did not answer in time; the message is for the user."""
+@attrs.frozen(kw_only=True)
+class Run:
+    """What one loop left: its summary, its samples by column, what its controller counted."""
+
+    folder: Path
+    summary: dict[str, Any]
+    samples: dict[str, list[float]]
+    diagnostics: dict[str, float]
+
+
+def run_lockstep(
+    scenario: Scenario, directory: Path, tell: Callable[[str], None]
+) -> dict[str, Run]:
+    """
+    Run each loop in lockstep, one after the other; retunes are left out.
+
+    Raises
+    ------
+    GraphError
+        When a node fails.
+
+    """
+    runs = {}
+    for name in scenario.controllers:
+        tell(name)
+        with running(scenario, [name], directory, lockstep=True) as (loop,):
+            while loop.running:
+                check([loop])
+                time.sleep(0.05)
+            check([loop])
+            runs[name] = _collect(loop, {})
+    return runs
+
+
+def run_realtime(
+    scenario: Scenario, directory: Path, progress: Progress, keep_open: Callable[[], None] | None
+) -> dict[str, Run]:
+    """
+    Run all loops side by side in real time, closed at the same moment, and retune on the way.
+
+    Raises
+    ------
+    GraphError
+        When a node fails, does not appear, or refuses a retune.
+
+    """
+    init_ros()
+    try:
+        with running(scenario, list(scenario.controllers), directory, lockstep=False) as loops:
+            operator = Operator(loops)
+            operator.wait_until_ready()
+            operator.enable()
+            operator.follow(scenario.duration, list(scenario.retunes), progress)
+            operator.ask_for_counts()
+            operator.wait_until_recorded()
+            runs = {loop.name: _collect(loop, operator.counted(loop)) for loop in loops}
+            if keep_open is not None:
+                keep_open()
+            return runs
+    finally:
+        rclpy.try_shutdown()
+
+
+def _collect(loop: Loop, diagnostics: dict[str, float]) -> Run:
+    folder = loop.run_folder()
+    return Run(
+        folder=folder,
+        summary=json.loads((folder / SUMMARY).read_text(encoding='utf-8')),
+        samples=read_samples(folder),
+        diagnostics=diagnostics,
+    )
 
 
 class Operator:
@@ -48,28 +127,19 @@ class Operator:
         self._executor = make_executor()
         self._executor.add_node(self._node)
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
-        self._enable = {
-            loop.name: self._node.create_client(SetBool, f'/{loop.name}/controller/enable')
-            for loop in loops
-        }
-        self._set = {
-            loop.name: self._node.create_client(
-                SetParametersAtomically, f'/{loop.name}/controller/set_parameters_atomically'
-            )
-            for loop in loops
-        }
+        self._enable = self._clients(SetBool, 'enable')
+        self._set = self._clients(SetParametersAtomically, 'set_parameters_atomically')
         for loop in loops:
-            receive(self._node, f'/{loop.name}/recorder/itae', self._itae_taker(loop.name))
+            receive(self._node, f'/{loop.name}/recorder/itae', partial(self._on_itae, loop.name))
 
     def wait_until_ready(self) -> None:
         """Wait until every node is there, every topic has its readers, and these hear it."""
-        end = time.monotonic() + READY_TIME
-        while missing := self._missing():
-            check(self.loops)
-            if time.monotonic() > end:
-                raise GraphError(f'after {READY_TIME:g} s there is still no {missing}')
-            spin_for(self._executor, 0.05)
-        spin_for(self._executor, SETTLE_TIME)
+        self._wait(
+            lambda: not self._missing(),
+            _READY_TIME,
+            lambda: f'after {_READY_TIME:g} s there is still no {self._missing()}',
+        )
+        spin_for(self._executor, _SETTLE_TIME)
 
     def enable(self) -> None:
         """Close all loops at the same moment."""
@@ -95,21 +165,18 @@ class Operator:
         """Have every controller report now, as it does whenever it is enabled."""
         self.diagnostics.clear()
         self.enable()
-        end = time.monotonic() + ANSWER_TIME
-        while not all(f'/{loop.name}/controller' in self.diagnostics for loop in self.loops):
-            if time.monotonic() > end:
-                raise GraphError('the controllers did not report on /diagnostics')
-            spin_for(self._executor, 0.01)
+        names = {f'/{loop.name}/controller' for loop in self.loops}
+        complaint = 'the controllers did not report on /diagnostics'
+        self._wait(lambda: names <= self.diagnostics.keys(), _ANSWER_TIME, lambda: complaint)
         self.at_end = dict(self.diagnostics)
 
     def wait_until_recorded(self) -> None:
         """Wait for the recorders' summaries."""
-        end = time.monotonic() + ANSWER_TIME
-        while not all((loop.run_folder() / SUMMARY).exists() for loop in self.loops):
-            check(self.loops)
-            if time.monotonic() > end:
-                raise GraphError('the recorders did not end their runs')
-            spin_for(self._executor, 0.05)
+        self._wait(
+            lambda: all((loop.run_folder() / SUMMARY).exists() for loop in self.loops),
+            _ANSWER_TIME,
+            lambda: 'the recorders did not end their runs',
+        )
 
     def counted(self, loop: Loop) -> dict[str, float]:
         """Return periods, missed ones and latencies of a controller from start to end."""
@@ -121,6 +188,22 @@ class Operator:
             if key in last
         }
         return counts | {k: float(v) for k, v in last.items() if k.startswith('latency')}
+
+    def _clients(self, kind: Any, service: str) -> dict[str, Any]:
+        return {
+            loop.name: self._node.create_client(kind, f'/{loop.name}/controller/{service}')
+            for loop in self.loops
+        }
+
+    def _wait(
+        self, there: Callable[[], bool], seconds: float, complaint: Callable[[], str]
+    ) -> None:
+        end = time.monotonic() + seconds
+        while not there():
+            check(self.loops)
+            if time.monotonic() > end:
+                raise GraphError(complaint())
+            spin_for(self._executor, 0.02)
 
     def _missing(self) -> str:
         for loop in self.loops:
@@ -144,12 +227,7 @@ class Operator:
         return ''
 
     def _retune(self, retune: Retune) -> None:
-        parameters: list[ParameterMessage] = [
-            Parameter(
-                key, value=list(value) if isinstance(value, tuple) else value
-            ).to_parameter_msg()
-            for key, value in retune.settings.items()
-        ]
+        parameters = [each.to_parameter_msg() for each in overrides(retune.settings)]
         request = SetParametersAtomically.Request(parameters=parameters)
         for name, response in self._call(self._set, request).items():
             if not response.result.successful:
@@ -164,7 +242,7 @@ class Operator:
         machine has not made known to the service in time.
         """
         answers: dict[str, Any] = {}
-        end = time.monotonic() + ANSWER_TIME
+        end = time.monotonic() + _ANSWER_TIME
         while late := clients.keys() - answers.keys():
             if time.monotonic() > end:
                 raise GraphError(f'no answer from the controller of {", ".join(sorted(late))}')
@@ -183,15 +261,5 @@ class Operator:
             if values.get('mode') == 'ok':  # a change of mode is reported at once
                 self.at_start.setdefault(status.name, values)
 
-    def _itae_taker(self, name: str) -> Any:
-        def take(value: float, _: object) -> None:
-            self.itae[name] = value
-
-        return take
-
-
-def check(loops: list[Loop]) -> None:
-    """Raise :class:`GraphError` when a node of one of the loops has failed."""
-    for loop in loops:
-        if failure := loop.failure():
-            raise GraphError(failure)
+    def _on_itae(self, name: str, value: float, _: object) -> None:
+        self.itae[name] = value

@@ -1,13 +1,9 @@
-"""The nodes of a scenario as processes: their parameters, who reads what, start and stop."""
+"""The parameters of the four nodes of a loop, and who reads what they send."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-import signal
-import subprocess
-import sys
-import time
 from typing import Any
 
 import attrs
@@ -17,17 +13,14 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.records.recording import topic_of
-from nadrc_ros.ros.runtime import LOCKED_UP
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.topics import reference_topics
 from nadrc_ros.scenario import PLANT, Scenario, ScenarioError
-from nadrc_ros.scenario.parameter_files import controller_parameters, parameter_text, Parameters
+from nadrc_ros.scenario.parameter_files import controller_parameters, Parameters
 from nadrc_ros.scenario.user_code import class_fields
 
-NODES = ('plant', 'reference', 'recorder', 'controller')
-STOP_TIME = 3.0
 # Periods, at least, without a command before the plant falls to its safe one.
-PATIENCE = 5
+_PERIODS_OF_SILENCE = 5
 
 
 def node_parameters(
@@ -70,7 +63,7 @@ def node_parameters(
 
 def command_timeout(rate: float) -> float:
     """Return how long [s] a plant waits for commands that come at ``rate`` [Hz]."""
-    return max(PlantSettings().command_timeout, PATIENCE / rate)
+    return max(PlantSettings().command_timeout, _PERIODS_OF_SILENCE / rate)
 
 
 def recorder_parameters(
@@ -140,85 +133,3 @@ def _typed(fields: Mapping[str, Declared], values: Mapping[str, Any]) -> Paramet
         key: float(value) if fields[key].kind == 'number' else value
         for key, value in values.items()
     }
-
-
-class Loop:
-    """
-    The four node processes of one controller, in a namespace of its name; ``blind`` at the start.
-
-    Parameters
-    ----------
-    scenario, name, lockstep
-        What runs.
-    directory
-        Where the run, the parameter file and the logs of the nodes go.
-
-    """
-
-    def __init__(self, scenario: Scenario, name: str, directory: Path, lockstep: bool) -> None:
-        self.name = name
-        self.settings = scenario.controllers[name]
-        self.blind = scenario.faults.blind
-        self.directory = directory
-        directory.mkdir(parents=True, exist_ok=True)
-        self.parameter_file = directory / 'parameters.yaml'
-        parameters = node_parameters(scenario, name, directory / 'runs', lockstep)
-        self.parameter_file.write_text(
-            parameter_text({f'/{name}/{node}': p for node, p in parameters.items()}),
-            encoding='utf-8',
-        )
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
-
-    def start(self) -> None:
-        """Start the nodes."""
-        for node in NODES:
-            self.processes[node] = self._start(node)
-
-    def _start(self, node: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, '-m', f'nadrc_ros.nodes.{node}', '--ros-args']
-        command += ['-r', f'__ns:=/{self.name}', '--params-file', str(self.parameter_file)]
-        with self.log(node).open('wb') as log:
-            return subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-
-    def log(self, node: str) -> Path:
-        """Return the file that holds what a node printed."""
-        return self.directory / f'{node}.log'
-
-    def failure(self) -> str:
-        """Return which node ended in failure and what it said last, empty if none did."""
-        for node, process in self.processes.items():
-            if process.poll() not in (None, 0, LOCKED_UP):
-                lines = self.log(node).read_text(encoding='utf-8', errors='replace').splitlines()
-                said = lines[-1] if lines else 'it printed nothing'
-                return f'/{self.name}/{node} ended with exit code {process.returncode}: {said}'
-        return ''
-
-    @property
-    def running(self) -> bool:
-        """Tell whether any node still runs."""
-        return any(process.poll() is None for process in self.processes.values())
-
-    def run_folder(self) -> Path:
-        """Return the folder that the recorder made."""
-        return max((self.directory / 'runs').iterdir(), key=lambda path: path.stat().st_mtime)
-
-    def stop(self) -> None:
-        """Interrupt the controller, then the others; kill what does not end."""
-        for group in (['controller'], ['plant', 'reference'], ['recorder']):
-            nodes = [node for node in group if node in self.processes]
-            for node in nodes:
-                if self.processes[node].poll() is None:
-                    self.processes[node].send_signal(signal.SIGINT)
-            end = time.monotonic() + STOP_TIME
-            for node in nodes:
-                try:
-                    self.processes[node].wait(max(0.0, end - time.monotonic()))
-                except subprocess.TimeoutExpired:
-                    self.processes[node].kill()
-                    self.processes[node].wait()
