@@ -122,14 +122,16 @@ class Controller:
         self.state, self._next = self._next, self.state
         self.status = _STATUSES[status]
         self.counts[self.status] += 1
-        span = elapsed
+        limited_over = elapsed
         if dt > 0.0:  # a sample came
             self.refused_measurement = measurement if status == NO_MEASUREMENT else None
         if status < NO_MEASUREMENT:
             self._restarted = status == RESTARTED
-            span = min(gap + dt, elapsed)
+            limited_over = min(gap + dt, elapsed)  # the narrower of both limits was the one
+        # New settings never share a tick with the old: they take over the state that the old ones
+        # just reached, so that both can be asked for the command of the same sample.
         if self._pending is not None:
-            command = self._swap(*self._pending, command, applied, span)
+            command = self._swap(*self._pending, command, applied, limited_over)
         self.command = command
         self._drop_old_derivatives(applied, elapsed)
         return command
@@ -278,10 +280,10 @@ class Controller:
         design: Design,
         command: float,
         applied: float,
-        span: float,
+        dt: float,
     ) -> float:
         """Take over new settings on the state just reached, and return the command under them."""
-        self.state = retune(self.design, design, self.state, self.reference, applied, span)
+        self.state = retune(self.design, design, self.state, self.reference, applied, dt)
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None
         return clamp(design, command)

@@ -19,7 +19,7 @@ from nadrc_ros.adrc.errors import did_you_mean, one_of, SettingError, UnknownNam
 T = TypeVar('T')
 _KEY = 'declared'
 # Nearer to 0 than this a number that must not be 0 is taken as 0: one over it is a number still.
-TINY = 1e-15
+_NEAREST_TO_0 = 1e-15
 
 
 @attrs.frozen(kw_only=True)
@@ -69,7 +69,7 @@ class Declared:
             return False
         if isinstance(value, float) and not isfinite(value):
             return False
-        if self.nonzero and abs(value) < TINY:
+        if self.nonzero and abs(value) < _NEAREST_TO_0:
             return False
         return self.low is None or self.high is None or self.low <= value <= self.high
 

@@ -3,6 +3,10 @@ The law as a pure function: N-ADRC from one sample to one command.
 
 Nothing here raises: bad input gives a :class:`Status`, and the state after ``step`` equals the one
 before to the bit.
+
+``step`` refuses what is not usable, advances the reference profile, the rise of a start and the
+observers, in that order as each needs the one before; then the offset of a transfer decays, the
+command follows from the new state, and the limiter has the last word.
 """
 
 from __future__ import annotations
@@ -58,7 +62,8 @@ def step(
         inside the limits.
 
     """
-    # Comparisons with nan are false: each is written so that false refuses.
+    # All before anything is written. Comparisons with nan are false: each is written so that
+    # false refuses.
     if not design.measurement_min <= measurement <= design.measurement_max:
         return _refuse(design, state, applied, out, NO_MEASUREMENT)
     if not dt >= _SHORTEST_STEP:
@@ -89,16 +94,15 @@ def step(
         startup = rise(startup, dt, design.startup_time)
         speed = startup * startup * startup
     out.startup[0] = startup
-    acted, waited = applied, state.since_sample[1]
-    if waited > 0.0:
+    acted, known = applied, state.since_sample[1]
+    if known > 0.0:
         acted = state.since_sample[0]
-        if waited < dt:  # ticks and samples are timed by different clocks: the rest is ``applied``
-            acted += (applied - acted) * (1.0 - waited / dt)
+        if known < dt:  # the last command acted for the rest
+            acted += (applied - acted) * (1.0 - known / dt)
     out.since_sample[1] = 0.0
     update(design, state.levels, observed, acted, dt, speed, out.levels, out.scratch)
-    offset = state.offset[0]
-    out.offset[0] = offset * exp(-design.controller_bandwidth * dt) if offset != 0.0 else 0.0
-    brief = state.offset[1]
+    lasting, brief = state.offset[0], state.offset[1]
+    out.offset[0] = lasting * exp(-design.controller_bandwidth * dt) if lasting != 0.0 else 0.0
     out.offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
@@ -106,16 +110,18 @@ def step(
     share = 1.0
     if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
-        share /= 1.0 + share
+        share /= 1.0 + share  # implicit Euler: below 1 however long dt is
     once, twice = state.smoothed[0], state.smoothed[1]
     once += (raw - out.offset[0] - out.offset[1] - once) * share
     out.smoothed[0] = once
     out.smoothed[1] = twice + (once - twice) * share
-    if offset != 0.0:
+    if lasting != 0.0:
+        # An offset that was made under a bad sample may be far too large. What of it only presses
+        # against a limit goes at once, which the command does not show.
         excess = raw - clamp(design, raw)
-        if excess * offset > 0.0:  # an offset met under a bad sample must not wind up
+        if excess * lasting > 0.0:
             removed = min(abs(excess), abs(out.offset[0]))
-            out.offset[0] -= copysign(removed, offset)
+            out.offset[0] -= copysign(removed, lasting)
     return limit(design, raw, applied, dt)
 
 
@@ -126,7 +132,8 @@ def rise(startup: float, dt: float, startup_time: float) -> float:
     The device against peaking of section II-C of the paper: 1/eps = 100 t^3 in the first second
     and 100 from then on. It is for the first start of all, from a state that nobody knows: what
     has risen never falls, whatever ``startup_time`` becomes, nor when the observers restart, as
-    slow observers would open a loop that relies on them.
+    slow observers would open a loop that relies on them. Counted in shares, not in seconds, so
+    that a live change of ``startup_time`` goes on from where the rise is.
     """
     if not dt < startup_time:
         return 1.0

@@ -107,8 +107,9 @@ def supervise(
     elif sample.span > 0.0:  # else no sample came, which is not a bad one
         good = 0
     proven = used and good >= design.good_samples and not odd
+    # Infinite until the sensor has proved itself once: then every valid sample counts.
     measurement_age = before.measurement_age + sample.elapsed
-    if used and (proven or measurement_age < inf):  # a sensor that never proved itself is silent
+    if used and (proven or measurement_age < inf):
         measurement_age = sample.age
     reference_age = 0.0 if referenced else before.reference_age + sample.elapsed
     stall = before.stall
@@ -118,6 +119,7 @@ def supervise(
     elif stall.at_limit > 0.0 or stall.stalled > 0.0:
         stall = Stall(0.0, 0.0, stall.aim, stall.distance)
 
+    # The most severe cause that is present now; then whether the one from before goes on.
     cause = NONE
     if not enabled:
         cause = DISABLED

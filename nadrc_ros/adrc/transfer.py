@@ -35,10 +35,11 @@ def retune(
     after = blank_state(new)
     after.profile[:] = state.profile
     for k in range(new.levels):
+        # A level that is new starts where the last one is, with nothing left to estimate.
         source = state.levels[min(k, old.levels - 1)]
         for i in range(n):
             after.levels[k][i] = source[i]
-            if old.error_based:
+            if old.error_based:  # by way of the output, whichever of the two is observed
                 after.levels[k][i] += state.profile[i]
             if new.error_based:
                 after.levels[k][i] -= after.profile[i]
@@ -55,11 +56,14 @@ def retune(
     after.offset[:] = state.offset
     if new.controller_bandwidth < old.controller_bandwidth:
         after.offset[:] = 0.0, sum(state.offset)
+    # Not begun anew: what the observers rose to, and what the law usually asks for.
     after.startup[:] = state.startup
     after.smoothed[:] = state.smoothed
     after.since_sample[:] = state.since_sample
     command = limit(old, raw_command(old, state), applied, dt)[0]
     _make_up(new, after, command, applied, dt, 1)
+    # The next step will take the reference itself for the profile. That is no noise of one
+    # sample, so the bump goes into the offset that lasts.
     if old.tracking_acceleration > 0.0 >= new.tracking_acceleration:
         raw = raw_command(new, after)
         restart_profile(new, reference[0], after)
