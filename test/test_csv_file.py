@@ -192,7 +192,7 @@ def test_a_unit_that_does_not_exist_is_refused(tmp_path: Path) -> None:
 def test_a_file_of_many_blocks_is_one_series(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(csv_file, 'BLOCK', 7)
+    monkeypatch.setattr(csv_file, '_BLOCK', 7)
     lines = [f'{k};{k}' if k < 20 else f'{k};{k},5' for k in range(50)]
     found = opened(tmp_path, 't;y\n' + '\n'.join(lines) + '\n50').series('t', 'y')
     assert found.time.tolist() == list(range(50)) and found.cut

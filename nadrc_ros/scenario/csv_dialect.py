@@ -18,8 +18,8 @@ import re
 import attrs
 from nadrc_ros.adrc.errors import UserError
 
-SEPARATORS = {';': 'semicolons', '\t': 'tabs', ',': 'commas', '|': 'bars', ' ': 'blanks'}
-ENCODINGS = (
+_SEPARATORS = {';': 'semicolons', '\t': 'tabs', ',': 'commas', '|': 'bars', ' ': 'blanks'}
+_ENCODINGS = (
     (b'\xef\xbb\xbf', 'utf-8-sig', 'UTF-8 with a byte order mark'),
     (b'\xff\xfe', 'utf-16', 'UTF-16'),
     (b'\xfe\xff', 'utf-16', 'UTF-16'),
@@ -27,13 +27,13 @@ ENCODINGS = (
 )
 SECONDS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9, 'min': 60.0, 'h': 3600.0}
 SPELT = {'sec': 's', 'second': 's', 'seconds': 's', 'msec': 'ms', 'µs': 'us', 'μs': 'us'}
-NUMBER = re.compile(r'\s*[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?\s*')
-MISSING = {'', '-', 'na', 'n/a', 'nan', 'null', 'none'}
-COMMENT = ('#', '%', '//')
+_NUMBER = re.compile(r'\s*[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?\s*')
+_MISSING = {'', '-', 'na', 'n/a', 'nan', 'null', 'none'}
+_COMMENT_MARKS = ('#', '%', '//')
 # A name with its unit: time [ms], time (ms), time_ms, time/ms.
-UNIT = re.compile(r'.+?\s*(?:\[(.*)\]|\((.*)\)|[_/]\s*(\w+))')
+_NAME_WITH_UNIT = re.compile(r'.+?\s*(?:\[(.*)\]|\((.*)\)|[_/]\s*(\w+))')
 # So many rows tell how a file is written.
-HEAD = 1000
+_ROWS_LOOKED_AT = 1000
 
 Rows = list[tuple[int, list[str]]]
 
@@ -70,7 +70,7 @@ class Dialect:
 
     def __str__(self) -> str:
         """Say it in words."""
-        words = [f'{SEPARATORS[self.separator]} between cells']
+        words = [f'{_SEPARATORS[self.separator]} between cells']
         words += ['decimal commas'] if self.decimal == ',' else []
         words += [] if self.heading else ['no heading, so columns have numbers']
         return ', '.join(words)
@@ -116,7 +116,7 @@ def dialect_of(text: str) -> Dialect:
 
 def decoded(raw: bytes) -> tuple[str, str]:
     """Return the text, and how it is encoded, in words."""
-    encoding, told = next((name, said) for mark, name, said in ENCODINGS if raw.startswith(mark))
+    encoding, told = next((name, said) for mark, name, said in _ENCODINGS if raw.startswith(mark))
     try:
         text = raw.decode(encoding)
     except UnicodeDecodeError:
@@ -129,8 +129,8 @@ def decoded(raw: bytes) -> tuple[str, str]:
 def _separated(text: str) -> tuple[str, Rows]:
     """Return the separator, and the first rows by it, the last of which has the usual width."""
     best: tuple[float, str, Rows] = (0.0, '', [])
-    for separator in SEPARATORS:
-        found = list(islice(rows(text, separator, comments=True), HEAD))
+    for separator in _SEPARATORS:
+        found = list(islice(rows(text, separator, comments=True), _ROWS_LOOKED_AT))
         widths = Counter(len(row) for _, row in found if any(map(is_number, row)))
         if not widths:
             continue
@@ -151,7 +151,7 @@ def rows(text: str, separator: str, comments: bool) -> Iterator[tuple[int, list[
     reader = csv.reader(StringIO(text, newline=None), delimiter=separator, skipinitialspace=True)
     try:
         for row in reader:
-            if row and row[0].startswith(COMMENT):
+            if row and row[0].startswith(_COMMENT_MARKS):
                 if not comments:
                     continue
                 row[0] = row[0].lstrip('#%/ ')
@@ -166,12 +166,12 @@ def rows(text: str, separator: str, comments: bool) -> Iterator[tuple[int, list[
 
 def is_number(cell: str) -> bool:
     """Tell whether a cell is a number, with a point or a comma."""
-    return NUMBER.fullmatch(cell) is not None
+    return _NUMBER.fullmatch(cell) is not None
 
 
 def is_missing(cell: str) -> bool:
     """Tell whether a cell says that there is no number."""
-    return cell.strip().lower() in MISSING
+    return cell.strip().lower() in _MISSING
 
 
 def _is_data(row: list[str], width: int, numbers: list[int]) -> bool:
@@ -190,7 +190,7 @@ def _heading(above: list[list[str]], width: int) -> tuple[tuple[str, ...], tuple
     if len(fitting) > 1 and any(_unit(cell.strip('[]()')) for cell in fitting[-1]):
         below = [_unit(cell.strip('[]()')) for cell in fitting.pop()]
     names = fitting[-1] if fitting else [''] * width
-    own = [UNIT.fullmatch(name) for name in names]
+    own = [_NAME_WITH_UNIT.fullmatch(name) for name in names]
     units = [next(filter(None, match.groups()), '') if match else '' for match in own]
     return tuple(names), tuple(map(lambda a, b: _unit(a) or b, units, below))
 

@@ -27,12 +27,12 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-DATE = re.compile(
+_DATE = re.compile(
     r'(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d:\d\d:\d\d)([.,]\d+)?\s*(?:Z|UTC|[-+]\d\d:?\d\d)?'
 )
-GZIP, ZIP = b'\x1f\x8b', b'PK\x03\x04'
+_GZIP, _ZIP = b'\x1f\x8b', b'PK\x03\x04'
 # Rows that are turned into numbers at a time, for the sake of the memory.
-BLOCK = 2**16
+_BLOCK = 2**16
 
 
 @attrs.frozen(eq=False)
@@ -62,23 +62,17 @@ class Series:
     dated: bool
 
 
-@attrs.frozen(eq=False)
-class CsvFile:
+@attrs.frozen(eq=False, kw_only=True)
+class CsvFile(Dialect):
     """A text with columns, and how it is written."""
 
     text: str = attrs.field(repr=False)
-    dialect: Dialect
     encoding: str
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of the columns, or their numbers from 1 where there is no heading."""
-        return self.dialect.names
 
     @property
     def told(self) -> str:
         """Return how it is written, in words."""
-        return f'{self.dialect}, {self.encoding}'
+        return f'{self}, {self.encoding}'
 
     def series(self, time: str, columns: Sequence[str], unit: str = '') -> Series:
         """
@@ -126,14 +120,14 @@ class CsvFile:
     def unit_of(self, time: str) -> str:
         """Return the unit of a column of times: that of its heading, '' if it names none."""
         place = self.place(time)
-        return self.dialect.units[place] or SPELT.get(self.names[place].lower(), '')
+        return self.units[place] or SPELT.get(self.names[place].lower(), '')
 
     def _blocks(self, places: Sequence[int]) -> Iterator[tuple[list[int], list[list[str]], bool]]:
         """Yield lines of rows, their cells by column, and whether a cut one followed, in parts."""
         width, short = len(self.names), 0
-        body = rows(self.text, self.dialect.separator, comments=False)
-        body = dropwhile(lambda each: each[0] < self.dialect.first_line, body)
-        while block := list(islice(body, BLOCK)):
+        body = rows(self.text, self.separator, comments=False)
+        body = dropwhile(lambda each: each[0] < self.first_line, body)
+        while block := list(islice(body, _BLOCK)):
             for line, row in block:
                 if len(row) == width and not short:
                     continue
@@ -146,9 +140,7 @@ class CsvFile:
             yield [line for line, _ in block], cells, bool(short)
 
     def _uneven(self, line: int) -> UserError:
-        hint = '; are commas between the cells and within numbers?' * (
-            self.dialect.separator == ','
-        )
+        hint = '; are commas between the cells and within numbers?' * (self.separator == ',')
         return UserError(f'line {line}: has not {len(self.names)} cells as the others{hint}')
 
     def _numbers(self, name: str, cells: list[str], lines: list[int]) -> Array:
@@ -161,7 +153,7 @@ class CsvFile:
         if is_missing(cell):
             return nan
         try:
-            return float(cell.replace(',', '.') if self.dialect.takes_comma else cell)
+            return float(cell.replace(',', '.') if self.takes_comma else cell)
         except ValueError:
             raise UserError(f'line {line}: {name} = {cell!r} is no number') from None
 
@@ -190,15 +182,15 @@ def open_csv(path: Path) -> CsvFile:
 
     """
     raw = path.read_bytes()
-    if raw.startswith(GZIP):
+    if raw.startswith(_GZIP):
         try:
             raw = decompress(raw)
         except (EOFError, OSError, error) as failure:
             raise UserError(f'a gzip file that is broken: {failure}') from None
-    if raw.startswith(ZIP):
+    if raw.startswith(_ZIP):
         raise UserError('this is no text but an archive, or a workbook: save its sheet as CSV')
     text, encoding = decoded(raw)
-    return CsvFile(text, dialect_of(text), encoding)
+    return CsvFile(**attrs.asdict(dialect_of(text)), text=text, encoding=encoding)
 
 
 def _check_order(name: str, stamps: Array, lines: list[int]) -> None:
@@ -214,7 +206,7 @@ def _check_order(name: str, stamps: Array, lines: list[int]) -> None:
 
 
 def _is_date(cell: str) -> bool:
-    return DATE.fullmatch(cell.strip()) is not None
+    return _DATE.fullmatch(cell.strip()) is not None
 
 
 def _bare(name: str) -> str:
@@ -224,7 +216,7 @@ def _bare(name: str) -> str:
 
 def _seconds(name: str, cell: str, line: int) -> float:
     """Return the seconds since 1970, or of the day, of a date in the format ISO 8601."""
-    found = DATE.fullmatch(cell.strip())
+    found = _DATE.fullmatch(cell.strip())
     try:
         if found is None:
             raise ValueError

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from hashlib import sha256
+from itertools import groupby
 import json
+from math import prod
+from operator import itemgetter
 from pathlib import Path
 import re
 from typing import Any
@@ -18,15 +21,14 @@ from nadrc_ros.scenario.mapping import from_mapping, refuse_other_kinds
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.user_code import blame, ScenarioError
 from nadrc_ros.simulation.batch import run_metrics, RunMetrics
-from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.yaml_text import read_yaml, write_yaml
+import numpy as np
 
-KEYS = ('scenario', 'vary', 'seeds')
-PATH = re.compile(r'\w+(\.\w+|\[\d+\])*')
-STEP = re.compile(r'\w+')
+_KEYS = ('scenario', 'vary', 'seeds')
+_DOTTED_PATH = re.compile(r'\w+(\.\w+|\[\d+\])*')
 # What a bare name stands for where a mapping may be.
-LONG = {'plant': 'name', 'reference': 'signal', 'disturbance': 'signal'}
-LARGEST_SEED = 2**63 - 1
+_BARE_NAME = {'plant': 'name', 'reference': 'signal', 'disturbance': 'signal'}
+_LARGEST_SEED = 2**63 - 1
 
 
 @attrs.frozen(kw_only=True)
@@ -91,18 +93,12 @@ class Sweep:
     @property
     def points(self) -> int:
         """Return the number of combinations."""
-        count = 1
-        for values in self.vary.values():
-            count *= len(values)
-        return count
+        return prod(map(len, self.vary.values()))
 
     def values(self, point: int) -> dict[str, Any]:
         """Return what varies, at that point."""
-        found = {}
-        for path, values in reversed(self.vary.items()):
-            point, index = divmod(point, len(values))
-            found[path] = values[index]
-        return {path: found[path] for path in self.vary}
+        places = np.unravel_index(point, [len(values) for values in self.vary.values()])
+        return {path: values[i] for (path, values), i in zip(self.vary.items(), places)}
 
     def at(self, point: int) -> Scenario:
         """Return the scenario at that point, raising as :meth:`check` does."""
@@ -117,8 +113,8 @@ class Sweep:
 
     def key(self, run: int) -> tuple[int, str, int]:
         """Return point, controller and seed of a run."""
-        run, seed = divmod(run, len(self.seeds))
-        point, controller = divmod(run, len(self.controllers))
+        shape = self.points, len(self.controllers), len(self.seeds)
+        point, controller, seed = map(int, np.unravel_index(run, shape))
         return point, self.controllers[controller], self.seeds[seed]
 
     def describe(self, files: tuple[str, ...]) -> str:
@@ -147,19 +143,13 @@ def run_range(
 
     """
     found = []
-    last = -1
-    scenario: Scenario
-    experiment: Experiment
-    for run in range(start, stop):
-        point, controller, seed = sweep.key(run)
-        if point != last:
-            last, scenario = point, sweep.at(point)
-            experiment = scenario.experiment
+    for point, runs in groupby(map(sweep.key, range(start, stop)), key=itemgetter(0)):
+        scenario = sweep.at(point)
         try:
             with blame(*scenario.code):
-                found.append(
-                    run_metrics(experiment, scenario.controllers[controller], seed, compiled, say)
-                )
+                for _, name, seed in runs:
+                    settings = scenario.controllers[name]
+                    found.append(run_metrics(scenario.experiment, settings, seed, compiled, say))
         except UserError as error:
             raise _at(error, sweep.values(point)) from None
     return found
@@ -177,7 +167,7 @@ def load_sweep(path: str | Path) -> Sweep:
     """
     data = _read(path, 'a sweep is a mapping of scenario, vary and seeds')
     refuse_other_kinds(data, 'sweep')
-    refuse_unknown_keys(data, KEYS)
+    refuse_unknown_keys(data, _KEYS)
     scenario, folder = _scenario(data.get('scenario'), Path(path).parent)
     if not isinstance(scenario.get('controllers'), dict):
         raise SettingError(
@@ -223,7 +213,7 @@ def _vary(given: Any, scenario: dict[str, Any]) -> dict[str, tuple[Any, ...]]:
     if not isinstance(given, dict):
         raise SettingError('vary', given, 'a mapping of dotted paths to lists of values')
     for path, values in given.items():
-        if not isinstance(path, str) or not PATH.fullmatch(path):
+        if not isinstance(path, str) or not _DOTTED_PATH.fullmatch(path):
             raise SettingError('vary', path, 'a dotted path, such as plant.a3 or retune[0].time')
         if path == 'seed':
             raise SettingError('vary.seed', values, 'left out: the seeds are given by seeds')
@@ -244,7 +234,7 @@ def _seeds(given: Any) -> Sequence[int]:
     if type(given) is int and given > 0:
         return range(given)
     seeds = given if isinstance(given, list) else []
-    fine = all(type(seed) is int and 0 <= seed <= LARGEST_SEED for seed in seeds)
+    fine = all(type(seed) is int and 0 <= seed <= _LARGEST_SEED for seed in seeds)
     if not (seeds and fine and len(set(seeds)) == len(seeds)):
         raise SettingError('seeds', given, 'how many, or a list of different integers from 0 on')
     count = range(len(seeds))
@@ -253,31 +243,28 @@ def _seeds(given: Any) -> Sequence[int]:
 
 def _place(data: dict[str, Any], path: str, value: Any) -> None:
     """Set what ``path`` names; only what it ends in, or begins with, may not be there yet."""
-    steps = [int(step) if step.isdigit() else step for step in STEP.findall(path)]
+    *before, last = (int(step) if step.isdigit() else step for step in re.findall(r'\w+', path))
     inside: Any = data
-    at = 'the scenario'
-    for step, final in zip(steps, [False] * (len(steps) - 1) + [True]):
-        new = inside is data or (final and isinstance(inside, dict))
-        if not (isinstance(step, str) if new else step in _names(inside)):
-            there = ', '.join(map(str, _names(inside))) or 'nothing'
-            raise SettingError('vary', path, f'a path in the scenario: in {at} there is {there}')
-        if final:
-            inside[step] = value
-        else:
-            inside[step] = inside = _long_form(step, inside.get(step) if new else inside[step])
-            at = str(step) if at == 'the scenario' else f'{at}.{step}'
+    at = ''
+    for step in before:
+        new = not at and isinstance(step, str)
+        there = inside.get(step) if new else inside[_known(step, inside, path, at)]
+        if isinstance(there, str) and step in _BARE_NAME:
+            there = {_BARE_NAME[step]: there}
+        inside[step] = inside = {} if there is None else there
+        at = f'{at}.{step}' if at else str(step)
+    if isinstance(last, int) or not isinstance(inside, dict):
+        _known(last, inside, path, at)
+    inside[last] = value
 
 
-def _names(inside: Any) -> Iterable[Any]:
-    if isinstance(inside, list):
-        return range(len(inside))
-    return inside if isinstance(inside, dict) else ()
-
-
-def _long_form(step: Any, value: Any) -> Any:
-    if value is None:
-        return {}
-    return {LONG[step]: value} if step in LONG and isinstance(value, str) else value
+def _known(step: Any, inside: Any, path: str, at: str) -> Any:
+    there = range(len(inside)) if isinstance(inside, list) else inside
+    there = there if isinstance(inside, (list, dict)) else ()
+    if step not in there:
+        words = f'in {at or "the scenario"} there is {", ".join(map(str, there)) or "nothing"}'
+        raise SettingError('vary', path, f'a path in the scenario: {words}')
+    return step
 
 
 def _at(error: UserError, values: dict[str, Any]) -> UserError:
