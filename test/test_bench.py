@@ -57,8 +57,8 @@ def test_simulate_writes_a_figure_for_every_contestant(tmp_path: Path) -> None:
 @pytest.mark.parametrize('change', ('rows', 'sums', 'state'))
 def test_a_loop_in_c_that_comes_to_something_else_is_no_measure(change: str) -> None:
     ours, by_hand = simulate.ours_loop(SMALL), simulate.c_loop(SMALL)
-    if by_hand is None:  # nothing is compared then
-        return
+    if by_hand is None:
+        pytest.skip('DID NOT RUN: no C compiler')
     simulate.check_agreement(ours, by_hand)
     run, loop, rows = by_hand
 

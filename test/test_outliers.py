@@ -94,10 +94,13 @@ def test_columns_that_are_swapped_are_doubted(noise: float, tmp_path: Path) -> N
     assert code or any('swapped?' in doubt for doubt in loads(json.read_text())['doubts'])
 
 
-@pytest.mark.parametrize('name', CASES)
-def test_no_log_of_the_bench_seems_swapped(name: str) -> None:
-    try:
-        log = log_of(CASES[name].log(seed=0))
-    except UserError:
-        return
-    assert not seems_swapped(log)
+def test_no_log_of_the_bench_seems_swapped() -> None:
+    refused = set()
+    for name, case in CASES.items():
+        try:
+            log = log_of(case.log(seed=0))
+        except UserError:
+            refused.add(name)
+        else:
+            assert not seems_swapped(log), name
+    assert len(refused) < 0.2 * len(CASES), refused

@@ -247,16 +247,17 @@ def test_p12_the_last_change_before_a_tick_is_the_one_taken() -> None:
     assert controller.settings.b0 == controller.design.b0 == 7.0
 
 
-@pytest.mark.parametrize('case', CASES)
+@pytest.mark.parametrize('case', [case for case in CASES if 'td' not in case])
 def test_p12_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
     """What the levels that go away had estimated is not forgotten; with a new b0, L is another."""
-    for label, base, changed in changes(case):
-        if changed.b0 == base.b0 and 'td' not in case and 'tracking' not in label:
-            loop = Loop(base, 40)
-            kept, retuned = loop.controllers
-            retuned.retune(changed)
-            loop.tick()
-            assert retuned.total_disturbance == pytest.approx(kept.total_disturbance), label
+    chosen = [it for it in changes(case) if it[1].b0 == it[2].b0 and 'tracking' not in it[0]]
+    assert len(chosen) > len(VALUES)
+    for label, base, changed in chosen:
+        loop = Loop(base, 40)
+        kept, retuned = loop.controllers
+        retuned.retune(changed)
+        loop.tick()
+        assert retuned.total_disturbance == pytest.approx(kept.total_disturbance), label
 
 
 @pytest.mark.parametrize('error_based', (False, True))

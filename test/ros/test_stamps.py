@@ -13,10 +13,10 @@ START = 1_700_000_000_000 * MS
 class Line:
     """Samples on their way, from a clock that is ``behind`` [ms]; received a little later."""
 
-    def __init__(self, stamped: bool = True, behind: float = 0.0) -> None:
+    def __init__(self, stamped: bool = True, behind: float = 0.0, period: float = PERIOD) -> None:
         self.behind = behind
         self.wall = START
-        self.times = SampleTimes(PERIOD, stamped, lambda: self.wall)
+        self.times = SampleTimes(period, stamped, lambda: self.wall)
 
     def span(
         self,
@@ -41,10 +41,13 @@ class Line:
 
 def test_the_first_sample_spans_a_period_and_the_next_what_the_source_says() -> None:
     line = Line()
+    assert (line.times.late, line.times.spacing) == (0.0, 0.0)
     assert line.span(1, 0.0) == 5.0
+    assert (line.times.late, line.times.spacing) == (0.0, 0.0)
     assert line.span(2, 5.0, delay=3.0) == pytest.approx(5.0)  # free of the jitter of transport
     assert line.span(3, 11.0, delay=0.1) == pytest.approx(6.0)
     assert line.span(6, 26.0) == pytest.approx(15.0)  # across lost ones
+    assert line.times.spacing == pytest.approx(0.015)
     assert (line.times.from_future, line.times.clock_jumps) == (0, 0)
 
 
@@ -89,6 +92,30 @@ def test_p10_a_stall_after_a_late_first_sample_is_no_clock_jump() -> None:
     line.span(1, 0.0, delay=300.0)
     assert line.span(2, 1500.0) == pytest.approx(1500.0)
     assert line.times.clock_jumps == 0
+
+
+@pytest.mark.parametrize(
+    ('spacing', 'late', 'jumps'),
+    [(5.0, 259, 0), (5.0, 261, 1), (100.0, 20, 0), (100.0, 21, 1)],
+)
+def test_p10_all_samples_may_be_late_for_a_second_and_for_twenty_of_them(
+    spacing: float, late: int, jumps: int
+) -> None:
+    line = Line()
+    for number in range(1, late + 1):
+        line.span(number, spacing * number, delay=300.0)
+    assert line.times.clock_jumps == 0
+    line.span(late + 1, spacing * (late + 1))
+    assert line.times.clock_jumps == jumps
+
+
+@pytest.mark.parametrize(('delay', 'jumps'), [(480.0, 0), (520.0, 1)])
+def test_p10_a_slow_loop_allows_for_five_of_its_periods(delay: float, jumps: int) -> None:
+    line = Line(period=0.1)
+    for number in range(1, 31):
+        line.span(number, 100.0 * number, delay=delay)
+    line.span(31, 3100.0)
+    assert line.times.clock_jumps == jumps
 
 
 def test_p10_a_jump_of_a_clock_that_was_behind_from_the_start_is_seen() -> None:
@@ -141,8 +168,9 @@ def test_p09_duplicates_and_reordered_samples_span_nothing_and_shift_nothing() -
     line.span(3, 10.0)
     assert line.span(3, 10.0, now=12.0) <= 0.0
     assert line.span(2, 5.0, now=13.0) <= 0.0
+    assert line.times.out_of_order == 2
     assert line.span(4, 15.0) == pytest.approx(5.0)
-    assert line.times.clock_jumps == 0
+    assert (line.times.clock_jumps, line.times.out_of_order) == (0, 2)
 
 
 def test_p09_a_late_duplicate_is_no_new_sample() -> None:
@@ -253,6 +281,15 @@ def test_a_sample_of_another_clock_left_when_the_quickest_one_came(ahead: float)
     assert times[300:] == pytest.approx([5.0 * k + 0.2 for k in range(300, 600)])
 
 
+@pytest.mark.parametrize('drift', [-1e-4, 1e-4])
+def test_a_clock_of_another_machine_is_followed_as_it_drifts(drift: float) -> None:
+    way = Way()
+    for k in range(2000):
+        way.ahead = 3_600_000.0 + drift * 50.0 * k
+        assert way.take(50.0 * k) == pytest.approx(50.0 * k, abs=0.5)
+    assert way.departures.clock_jumps == 0
+
+
 @pytest.mark.parametrize('step', [-3_600_000.0, -300.0, 300.0, 3_600_000.0])
 def test_a_step_of_the_clock_moves_no_sample_but_one_on_its_way(step: float) -> None:
     """The clock of the machine is set: that of stamps here and that of the publisher."""
@@ -316,9 +353,11 @@ def test_losses_are_the_numbers_between_a_sample_and_the_one_before_of_its_publi
     assert losses.before(None) == 0 and losses.unknown
 
 
-def test_of_so_many_publishers_each_is_followed() -> None:
+@pytest.mark.parametrize(('publishers', 'first'), [(8, 1), (9, 1001)])
+def test_eight_publishers_are_followed_and_of_more_the_last_ones(
+    publishers: int, first: int
+) -> None:
     losses = Losses()
-    for begin in range(8000, 0, -1000):
-        assert losses.before(begin) == 0
-    for begin in range(8000, 0, -1000):
-        assert losses.before(begin + 2) == 1
+    begins = [1000 * k for k in range(publishers, 0, -1)]
+    assert [losses.before(begin) for begin in begins] == [0] * publishers
+    assert losses.before(begins[0] + 2) == first
