@@ -15,13 +15,13 @@ from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.doubts import Doubts
-from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.nodes.wiring import (
     axes_asked,
     axes_parser,
     axis_namespace,
+    Estimates,
     LoopSettings,
     refuse_unequal,
 )

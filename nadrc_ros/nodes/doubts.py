@@ -28,15 +28,7 @@ class Doubts:
     """
     Says what the controller can know of a loop that is set up wrongly, as standing remarks.
 
-    Parameters
-    ----------
-    controller, rate
-        The loop, and its periods per second [Hz].
-    given
-        The names of the parameters that were given at the start.
-    remarks
-        Where it is said.
-
+    ``given`` has the names of the parameters that were given at the start.
     """
 
     def __init__(

@@ -24,25 +24,12 @@ _REGULAR = ('measurement', 'output', 'command')
 
 class Intake:
     """
-    Subscribes to the signals of a loop and makes rows of what comes.
+    Has a node hear the topics of signals, and makes rows of what comes, in runs of ``duration``.
 
     Times are of the steady clock of this machine, in simulated time of ``/clock``: there a sample
-    left when it came, and where that clock goes back, time stands still.
-
-    Parameters
-    ----------
-    node
-        Listens.
-    topics
-        Topics by signal.
-    duration
-        Of a run [s].
-
-    Attributes
-    ----------
-    clock_jumps
-        How often in the run a publisher's clock turned out to be another one than it was.
-
+    left when it came, and where that clock goes back, time stands still. ``clock_jumps`` counts
+    how often in the run the clock of a publisher turned out to be another one than it was. In
+    lockstep the samples come to the node itself, and here is nothing.
     """
 
     def __init__(self, node: LiveNode, topics: Mapping[str, str], duration: float) -> None:
@@ -77,11 +64,6 @@ class Intake:
         """Return how many samples of the run were lost, by signal."""
         return self._rows.lost
 
-    @property
-    def stop(self) -> float:
-        """Return when the run ends [ns], as far as it is known."""
-        return self._rows.stop
-
     def lost_by_signal(self) -> dict[str, int] | None:
         """Return what was lost, None where the middleware does not number what it sends."""
         if any(losses.unknown for losses in self.losses.values()):
@@ -91,7 +73,11 @@ class Intake:
 
     def unheard(self) -> list[str]:
         """Return the signals of which nothing came in this run."""
-        return self._rows.unheard()
+        return [] if self._node.pacing.lockstep else self._rows.unheard()
+
+    def length(self) -> float | None:
+        """Return how long the run is so far [s], as far as that is known."""
+        return self.since_begin(self._rows.stop)
 
     def now(self) -> int:
         """Return the present time [ns]."""

@@ -40,18 +40,8 @@ class ModeLog:
     Decides which changes of mode and cause are logged.
 
     At most ``COUNT`` in any ``SECONDS`` are. The last one always is, if late: a log must not end
-    with "in control" when the controller is not.
-
-    Parameters
-    ----------
-    mode, cause
-        What needs no mention.
-
-    Attributes
-    ----------
-    now
-        Mode and cause that were seen last.
-
+    with "in control" when the controller is not. ``now`` is what was seen last, at first what
+    needs no mention.
     """
 
     def __init__(self, mode: Mode, cause: Cause) -> None:

@@ -121,14 +121,9 @@ class RecorderNode(LiveNode):
         self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
         for source in (self.settings.controller, self.settings.plant):
             receive_events(self, source, self._on_event)
-        self.intake: Intake | None = None
-        if self.lockstep is not None:
-            for topic in topics.values():
-                self.lockstep.add_input(topic)
-        else:
-            self.intake = Intake(self, topics, self.settings.duration or inf)
-            if not self.intake.simulated:  # stamps are of this machine's clock
-                self._columns += STAMPS
+        self.intake = Intake(self, topics, self.settings.duration or inf)
+        if not (self.pacing.lockstep or self.intake.simulated):  # stamps are of this machine
+            self._columns += STAMPS
         steady_timer(self, _FLUSH, self._on_flush)
         self.add_trigger('~/reset', self._reset)
         self.add_trigger('~/save', self._save)
@@ -155,31 +150,27 @@ class RecorderNode(LiveNode):
         self.figures = Figures(self._run, history)
         self.recording = True
         self._notes: list[tuple[int, Note]] = []
-        if self.intake is not None:
-            self.intake.restart(self._begin * _SECOND)
+        self.intake.restart(self._begin * _SECOND)
         self.get_logger().info(f'recording to {self.folder.path}')
 
     def _end_run(self) -> None:
         """Complete the last rows and write the summary."""
-        if self.recording and self.intake is not None:
-            self._guarded(self._write, self.intake.end())
         if self.recording:
+            self._guarded(self._write, self.intake.end())
+        if self.recording:  # the disk is not full
             self._guarded(self._finish)
 
     def _finish(self, length: float | None = None) -> None:
         """Write what is left and the summary, and say how long the run is [s]."""
         self.recording = False
-        if self.intake is not None:
-            self.intake.open = False
+        self.intake.open = False
         self._write_notes(inf)
-        self.figures.end(
-            None if self.intake is None else self.intake.since_begin(self.intake.stop)
-        )
+        self.figures.end(self.intake.length())
         self.folder.close()
         self.folder.write_summary(self._summary())
         if not self.figures.rows:
-            unheard = [] if self.intake is None else self.intake.unheard()
-            why = f': nothing came of {", ".join(unheard)}' if unheard else ''
+            unheard = ', '.join(self.intake.unheard())
+            why = f': nothing came of {unheard}' if unheard else ''
             self.get_logger().warning(f'no row was recorded{why}')
             return
         if length is None:
@@ -195,7 +186,7 @@ class RecorderNode(LiveNode):
         }
 
     def _summary(self) -> dict[str, Any]:
-        by_signal = {} if self.intake is None else self.intake.lost_by_signal()
+        by_signal = self.intake.lost_by_signal()
         return summary(self.figures) | {
             'samples_lost': None if by_signal is None else sum(by_signal.values()),
             'samples_lost_by_signal': by_signal,
@@ -222,32 +213,30 @@ class RecorderNode(LiveNode):
         """Write something when the rows of its time are written: only then is t known."""
         if not self.recording:
             return
-        if self.intake is None:
+        if self.lockstep is not None:
             self._guarded(note, self.figures.last if self.figures.rows else None)
             return
         moment = self.intake.now() if info is None else self.intake.left(source, info)
         self._notes.append((moment, note))
 
     def _write_notes(self, until: float) -> None:
-        if self.intake is not None:
-            self._notes += [(g.time, partial(self._write_gap, g)) for g in self.intake.gaps()]
-            self._notes += [(t, partial(self._write_jump, s)) for t, s in self.intake.jumps()]
+        self._notes += [(gap.time, partial(self._write_gap, gap)) for gap in self.intake.gaps()]
+        for moment, source in self.intake.jumps():
+            message = f'the clock that stamps {source} jumped'
+            self._notes.append((moment, partial(self._write_own, 'clock_jump', message)))
         ready = [each for each in self._notes if each[0] <= until]
         self._notes = [each for each in self._notes if each[0] > until]
         for moment, note in sorted(ready, key=lambda each: each[0]):
-            t = None if self.intake is None else self.intake.since_begin(moment)
+            t = self.intake.since_begin(moment)
             if t is None or t <= (self.settings.duration or inf):
                 note(t)
 
     def _write_gap(self, gap: Gap, t: float | None) -> None:
         cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
         message = f'no {gap.signal} for {gap.length / _SECOND:.4g} s: {cause}'
-        self._write_own(t, 'gap', message)
+        self._write_own('gap', message, t)
 
-    def _write_jump(self, source: str, t: float | None) -> None:
-        self._write_own(t, 'clock_jump', f'the clock that stamps {source} jumped')
-
-    def _write_own(self, t: float | None, kind: str, message: str) -> None:
+    def _write_own(self, kind: str, message: str, t: float | None) -> None:
         event = Event(t, self.get_fully_qualified_name(), kind, message)
         append_event(self.folder.path, event)
 
@@ -273,14 +262,13 @@ class RecorderNode(LiveNode):
 
     def flush(self) -> None:
         """Write all that is over."""
-        if self.intake is not None:
-            until, rows = self.intake.close()
-            self._write(rows)
-            if self._is_over(self.intake.since_begin(until)):
-                self._write(self.intake.end())
-                self._complete()
-                return
-            self._write_notes(until)
+        until, rows = self.intake.close()
+        self._write(rows)
+        if self._is_over(self.intake.since_begin(until)):
+            self._write(self.intake.end())
+            self._complete()
+            return
+        self._write_notes(until)
         self.folder.flush()
 
     def _is_over(self, time: float | None) -> bool:
@@ -332,21 +320,20 @@ class RecorderNode(LiveNode):
 
     def report(self) -> Report:
         """Tell what is recorded, and what is missing."""
-        by_signal = {} if self.intake is None else self.intake.lost_by_signal()
+        by_signal, unheard = self.intake.lost_by_signal(), self.intake.unheard()
         lost = None if by_signal is None else sum(by_signal.values())
-        unheard = [] if self.intake is None else self.intake.unheard()
         gap_time = self.figures.gap_time
         values = {
             'rows': self.figures.rows,
             'samples_lost': 'unknown' if lost is None else lost,
             'measured_rate': self.figures.rate,
             'gap_time': gap_time,
-            'clock_jumps': 0 if self.intake is None else self.intake.clock_jumps,
+            'clock_jumps': self.intake.clock_jumps,
             'waiting_for': ' '.join(unheard),
             'folder': self.folder.path,
         }
-        first: list[str] = [name for name in ('measurement', 'command') if name in unheard]
-        if self.recording and self.lockstep is None and first:  # without these there is no row
+        first = [name for name in ('measurement', 'command') if name in unheard]
+        if self.recording and first:  # without these there is no row
             return WARN, f'waiting for {" and ".join(first)}', values
         if lost:
             return WARN, f'{lost} samples lost', values

@@ -31,16 +31,8 @@ class Rivals:
 
     Only what is published counts, not who could: a controller that is disabled stays on the graph
     to take over later, and one that was killed for 20 s. It is listened while there is another
-    publisher or we are silent, so that a controller that is alone does not hear itself.
-
-    Parameters
-    ----------
-    node
-        The controller.
-    sender
-        Of its commands.
-    shared
-        Whether others may command too: then nothing is listened to, and nobody gives way.
+    publisher or we are silent, so that a controller that is alone does not hear itself. Where the
+    command is ``shared`` nothing is listened to, and nobody gives way.
 
     Attributes
     ----------

@@ -41,6 +41,12 @@ def publishers(node: Node, topic: str) -> list[str]:
     return sorted(map(node_of, node.get_publishers_info_by_topic(topic)))
 
 
+def readers(node: Node, topic: str) -> list[str]:
+    """Return who subscribes to a topic, but for the node itself."""
+    there = node.get_subscriptions_info_by_topic(topic)
+    return sorted({node_of(info) for info in there} - {node.get_fully_qualified_name()})
+
+
 def missing_readers(
     node: Node, namespace: str, expected: Mapping[str, Sequence[str]]
 ) -> list[tuple[str, str]]:
@@ -215,28 +221,21 @@ class InputWatch:
         A topic that has a reader is not meant for us, nor one in the namespace of another node of
         our name: the other axes of a machine.
         """
-        node = self._node
-        home = node.get_namespace().rstrip('/')
-        homes = {
-            space.rstrip('/')
-            for name, space in node.get_node_names_and_namespaces()
-            if name == node.get_name()
-        }
+        node, home = self._node, self._node.get_namespace().rstrip('/')
+        there = node.get_node_names_and_namespaces()
+        homes = {space.rstrip('/') for name, space in there if name == node.get_name()}
+        sent = node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())
+        own = {name for name, _ in sent} | set(self._silences)
 
         def is_free(name: str) -> bool:
             around = [space for space in homes if name.startswith(space + '/')]
-            of = max(around, key=len, default=home)
-            return of == home and bool(node.count_publishers(name))
+            if name in own or max(around, key=len, default=home) != home:
+                return False
+            return bool(node.count_publishers(name)) and not node.count_subscribers(name)
 
-        sent = node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())
-        own = {name for name, _ in sent} | set(self._silences)
-        there = {
-            name: types
-            for name, types in node.get_topic_names_and_types()
-            if name not in own and is_free(name) and not node.count_subscribers(name)
-        }
-        if name := meant(topic, list(there)):
-            names, types = ', '.join(publishers(node, name)), ', '.join(there[name])
+        free = {name: ts for name, ts in node.get_topic_names_and_types() if is_free(name)}
+        if name := meant(topic, list(free)):
+            names, types = ', '.join(publishers(node, name)), ', '.join(free[name])
             return f', but {names} publishes {name} as {types}: did you mean to remap?'
         return ''
 
@@ -253,17 +252,12 @@ class OutputWatch:
 
     def look(self, acting: bool) -> None:
         """Look who subscribes; to be called once per second."""
-        untaken = acting and not self._readers(self._topic)
+        untaken = acting and not readers(self._node, self._topic)
         self._untaken = self._untaken + 1 if untaken else 0
         if self._untaken % _SEARCH_AGAIN == LOOKS:
             self._like = self._search()
         text = f'nobody subscribes to {self._topic}, so the commands move nothing{self._like}'
         self._remarks.put('takers', text if self._untaken >= LOOKS else '')
-
-    def _readers(self, topic: str) -> list[str]:
-        """Return who subscribes, but for us, who listen for others that command."""
-        there = self._node.get_subscriptions_info_by_topic(topic)
-        return sorted({node_of(info) for info in there} - {self._node.get_fully_qualified_name()})
 
     def _search(self) -> str:
         """Return which topic may be meant: one that is read, and that nobody publishes."""
@@ -271,11 +265,11 @@ class OutputWatch:
         free = [
             name
             for name, types in node.get_topic_names_and_types()
-            if FLOAT64 in types and not node.count_publishers(name) and self._readers(name)
+            if FLOAT64 in types and not node.count_publishers(name) and readers(node, name)
         ]
         if name := meant(self._topic, free):
-            readers = ', '.join(self._readers(name))
-            return f', but {readers} subscribes to {name}: did you mean to remap?'
+            names = ', '.join(readers(node, name))
+            return f', but {names} subscribes to {name}: did you mean to remap?'
         return ''
 
 
