@@ -22,11 +22,13 @@ from nadrc_ros.simulation.plants import PaperPlant
 from nadrc_ros.tuning.design.limits import check
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest
+from test_layers import ARROWS
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
 SAFETY = (ROOT / 'docs' / 'safety.md').read_text(encoding='utf-8')
+ARCHITECTURE = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
 CHOOSING = (ROOT / 'docs' / 'choosing.md').read_text(encoding='utf-8')
 BLOCKS = re.findall(r'```(\w+)\n(.*?)```', README + SAFETY, re.DOTALL)
 BASH = [
@@ -134,6 +136,26 @@ def test_the_picture_of_the_states_is_up_to_date() -> None:
     sys.path.insert(0, str(ROOT / 'docs'))
     safety: Any = import_module('safety')
     assert safety.picture() == safety.PICTURE.read_text(encoding='utf-8')
+
+
+def test_the_picture_of_the_floors_is_that_of_the_arrows() -> None:
+    sys.path.insert(0, str(ROOT / 'docs'))
+    layers: Any = import_module('layers')
+    assert layers.draw() == (ROOT / 'docs' / 'layers.svg').read_text(encoding='utf-8')
+    height = {name: i for i, floor in enumerate(reversed(layers.FLOORS)) for name, *_ in floor}
+    assert set(height) == set(ARROWS)
+    assert all(height[below] < height[floor] for floor in ARROWS for below in ARROWS[floor])
+
+
+def test_what_the_tour_of_the_architecture_names_is_there() -> None:
+    rows = re.findall(r'^\| `([^`]+)`(?: `([^`]+)`)? \|', ARCHITECTURE, re.MULTILINE)
+    assert len(rows) > 10
+    for file, name in rows:
+        source = (ROOT / 'nadrc_ros' / file).read_text(encoding='utf-8')
+        last = name.rpartition('.')[2]
+        assert not name or re.search(rf'^ *(def|class) {last}\b', source, re.MULTILINE), name
+    for file in re.findall(r'`(\w+/\w+\.py)`', ARCHITECTURE):
+        assert (ROOT / 'nadrc_ros' / file).exists() or (ROOT / file).exists(), file
 
 
 def test_every_promise_has_a_test() -> None:
