@@ -13,9 +13,9 @@ from typing import Any
 from nadrc_ros.adrc.errors import UserError
 import yaml
 
-FLOAT_TAG = 'tag:yaml.org,2002:float'
-EXPONENT = re.compile(r'[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)[eE][-+]?[0-9]+$')
-LARGEST_INTEGER = 2**63 - 1
+_FLOAT_TAG = 'tag:yaml.org,2002:float'
+_EXPONENT = re.compile(r'[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)[eE][-+]?[0-9]+$')
+_LARGEST_INTEGER = 2**63 - 1
 
 
 class _Loader(yaml.SafeLoader):
@@ -38,7 +38,7 @@ class _Loader(yaml.SafeLoader):
 
     def construct_yaml_int(self, node: Any) -> int:
         value: int = super().construct_yaml_int(node)
-        if abs(value) > LARGEST_INTEGER:
+        if abs(value) > _LARGEST_INTEGER:
             raise UserError(f'line {node.start_mark.line + 1}: an integer is too large')
         return value
 
@@ -52,7 +52,7 @@ class _Dumper(yaml.SafeDumper):
 
 _Loader.add_constructor('tag:yaml.org,2002:int', _Loader.construct_yaml_int)
 for _kind in (_Loader, _Dumper):
-    _kind.add_implicit_resolver(FLOAT_TAG, EXPONENT, list('-+.0123456789'))
+    _kind.add_implicit_resolver(_FLOAT_TAG, _EXPONENT, list('-+.0123456789'))
 
 
 def read_yaml(text: str) -> Any:

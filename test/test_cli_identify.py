@@ -201,8 +201,8 @@ def test_of_a_dense_log_not_every_row_is_used_and_that_is_said(
     assert (figures['rows_per_sample'], figures['period']) == (2, 0.01)
     assert 'rate: 100.0' in (tmp_path / 'p.yaml').read_text()  # that of the loop
     assert figures['inner_bandwidth'] <= 30.0
-    monkeypatch.setattr(command, 'MOST_ROWS', 1500)
-    monkeypatch.setattr(shaping, 'BEND', 1.0)  # as if it were sampled ten times as densely
+    monkeypatch.setattr(command, '_MOST_ROWS', 1500)
+    monkeypatch.setattr(shaping, '_BEND', 1.0)  # as if it were sampled ten times as densely
     assert 'every 2 rows count as one, 50 Hz; --every 1 uses' in b0_of(tmp_path, run)[1]
 
 

@@ -320,7 +320,7 @@ def test_progress_is_written_now_and_then(
 ) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
-    monkeypatch.setattr('nadrc_ros.cli.progress.EVERY', 0.0)
+    monkeypatch.setattr('nadrc_ros.cli.progress._EVERY', 0.0)
     sweep = load_sweep(file)
     extent = sweep.check()
     table = RunTable(tmp_path / 'out.csv', sweep, extent)

@@ -180,7 +180,7 @@ def test_what_comes_after_its_rows_were_made_is_counted() -> None:
 def test_columns_of_a_whole_log_are_the_rows_of_the_recorder(
     truth: float, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(source, 'AT_ONCE', at_once)
+    monkeypatch.setattr(source, '_SAMPLES_AT_ONCE', at_once)
     rng, sent = random.Random(2), loop(range(0, 1500, 5), value=lambda t: cos(0.01 * t))
     samples = [s for s in sent if rng.random() > 0.05 and s[0] != 'output']
     samples += [

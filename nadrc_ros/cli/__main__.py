@@ -5,7 +5,7 @@ from __future__ import annotations
 from nadrc_ros.cli import interrupted
 
 # What has no character of ASCII in it.
-PLAIN = {'\N{MINUS SIGN}': '-', '\N{MULTIPLICATION SIGN}': 'x', '\N{DEGREE SIGN}': 'deg'}
+_PLAIN = {'\N{MINUS SIGN}': '-', '\N{MULTIPLICATION SIGN}': 'x', '\N{DEGREE SIGN}': 'deg'}
 
 
 def main() -> None:
@@ -39,7 +39,7 @@ def _plain(error: UnicodeError) -> tuple[str, int]:
     assert isinstance(error, UnicodeEncodeError)
     text = ''
     for character in error.object[error.start : error.end]:
-        plain = PLAIN.get(character, normalize('NFKD', character)).encode('ascii', 'ignore')
+        plain = _PLAIN.get(character, normalize('NFKD', character)).encode('ascii', 'ignore')
         text += plain.decode() or '?'
     return text, error.end
 

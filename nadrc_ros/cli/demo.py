@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
 
 
-FROM_THE_RECORDER = ('itae', 'isu', 'peak_error', 'max_command', 'total_variation')
+_FROM_THE_RECORDER = ('itae', 'isu', 'peak_error', 'max_command', 'total_variation')
 
 
 def demo(
@@ -112,7 +112,7 @@ def _figures(run: 'Run') -> dict[str, Any]:
     """Return the figures of one run, None where lockstep has none."""
     metrics, counted = run.summary['metrics'], run.diagnostics
     return {
-        **{name: metrics[name] for name in FROM_THE_RECORDER},
+        **{name: metrics[name] for name in _FROM_THE_RECORDER},
         'periods': int(counted.get('periods', run.summary['rows'])),
         'missed_periods': int(counted.get('missed_periods', 0)),
         'latency_median_ms': counted.get('latency_median_ms'),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.design.experiment import Expected
     from nadrc_ros.tuning.design.first_design import FirstDesign
 
-POINTS = 800
+_CURVE_POINTS = 800
 
 
 @takes(values=fields(Requirements, required='settling_time'))
@@ -124,7 +124,7 @@ def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
     import numpy as np
 
     wc, nyquist = found.chosen.settings.controller_bandwidth, pi * found.wanted.rate
-    omega = np.geomspace(0.03 * wc, nyquist, POINTS)
+    omega = np.geomspace(0.03 * wc, nyquist, _CURVE_POINTS)
     loops = {}
     for candidate in sorted(found.candidates, key=lambda c: c is not found.chosen):
         m = candidate.prediction.margins

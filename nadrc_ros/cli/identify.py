@@ -2,8 +2,9 @@
 
 # ruff: noqa: UP045
 from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Annotated, Optional, TYPE_CHECKING
 
+import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import complain, reporting
@@ -19,13 +20,12 @@ if TYPE_CHECKING:
 
 # A b0 that is off by more, or by more than half of the gain margin (of its decibels), is worth a
 # new one.
-TOLERABLE = 2.0
-# What only the controller that ran can tell.
-UNKNOWN = ('command_min', 'command_max', 'safe_command')
+_TOLERABLE = 2.0
+_ONLY_THE_CONTROLLER_KNOWS = ('command_min', 'command_max', 'safe_command')
 # Effort that a tuning may spend beside that of the start: the noise of other seeds.
-MORE = 1.02
+_MORE_EFFORT = 1.02
 # Of a longer log not every row is used if its motion allows it: the fit takes a minute for these.
-MOST_ROWS = 50_000
+_MOST_ROWS = 50_000
 
 
 @options.takes(where=options.log)
@@ -66,59 +66,18 @@ def identify(
     Example: nadrc identify runs/20260101-120000 --scenario mine.yaml, or
     nadrc identify log.csv --time t --measurement rpm --command pwm --from 12
     """
+    from nadrc_ros.atomic import check_file
+
     with reporting():
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
-        from nadrc_ros.atomic import check_file
-
         for file in filter(None, (out, scenario, json)):
             check_file(file)
     with reporting(str(run)):
-        import attrs
-        from nadrc_ros.atomic import write_json, write_whole
-        from nadrc_ros.records.read_run import read_run
-        from nadrc_ros.records.recorded_run import window
-        from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
-        from nadrc_ros.scenario.files import dump
-        from nadrc_ros.scenario.parameter_files import (
-            about_reference,
-            ANY_CONTROLLER,
-            controller_parameters,
-            parameter_text,
-        )
-        from nadrc_ros.tuning.identification.advice import advise, rounded, running_controller
-        from nadrc_ros.tuning.identification.cause import seems_swapped, SWAPPED
+        from nadrc_ros.tuning.identification.advice import advise, running_controller
         from nadrc_ros.tuning.identification.identify import identify as find
-        from nadrc_ros.tuning.identification.log import log_of
-        from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
 
-        with progress(f'reading {run}'):
-            recorded = read_run(run, where.source)
-        if recorded.told:
-            complain(f'{run}: {recorded.told}')
-        recorded = window(recorded, where.begin, where.end)
-        if wrap:
-            recorded = unwrapped(recorded, wrap)
-        recorded, wrong = without_outliers(recorded)
-        doubts: list[str] = []
-
-        def doubt(text: str) -> None:
-            complain(f'{run}: {text}')
-            doubts.append(text)
-
-        if wrong:
-            doubt(wrong)
-        if wrap is None:
-            _refuse_wrapped(recorded)
-        thin, kept = thinned(recorded, MOST_ROWS, every)
-        if kept > 1:
-            complain(
-                f'{run}: every {kept} rows count as one, {thin.rate:.4g} Hz'
-                + ('' if every else '; --every 1 uses all of them')
-            )
-        log = log_of(thin)
-        if seems_swapped(log):
-            doubt(SWAPPED)
+        recorded, log, kept, doubts = _read(run, where, wrap, every)
         with progress(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
@@ -129,37 +88,101 @@ def identify(
             b0 = running.b0
     with reporting():
         if json is not None:
-            found = _document(plant, advice, b0) | {'rows_per_sample': kept}
-            write_json(json, found | {'doubts': [*doubts, *plant.doubts]})
+            _write_json(json, plant, advice, b0, kept, doubts)
         if out is not None:
-            parameters = controller_parameters(advice.settings, rounded(recorded.rate))
-            if not advice.limits_known:
-                for name in UNKNOWN:
-                    del parameters[name]
-            write_whole(out, parameter_text({ANY_CONTROLLER: parameters}).encode())
-        if scenario is not None:
-            text = reference_text(log)
-            followed = scenario.with_suffix('.csv') if text else None
-            if followed is not None:
-                write_whole(followed, text.encode())
-            repeated = scenario_of(plant, log, advice.settings, followed)
-            note = '' if advice.limits_known else f'# {_guess(advice, log)}\n'
-            write_whole(scenario, (note + dump(repeated)).encode())
+            _write_parameters(out, advice, recorded.rate)
+        budget = None if scenario is None else _write_scenario(scenario, plant, log, advice)
         for line in _verdict(plant, advice, b0):
             typer.echo(line)
         typer.echo(f'Next: {advice.line} --out mine')
         if scenario is not None:
-            effort = repeated.run(NAME).metrics.isu
-            typer.echo(f'Then: nadrc tune {scenario} --budget {rounded(MORE * effort, 3):g}')
-        if not advice.limits_known:
-            complain(f'{run}: {_guess(advice, log)}')
-            if out is not None:
-                names = ' and '.join((', '.join(UNKNOWN[:-1]), UNKNOWN[-1]))
-                complain(f'{out}: without {names}: set them before it runs')
-        for text in plant.doubts:
-            complain(f'{run}: {text}')
-        if out is not None and (remark := about_reference(advice.settings)):
-            typer.echo(f'{out}: {remark}')
+            typer.echo(f'Then: nadrc tune {scenario} --budget {budget:g}')
+        _complain(run, plant, advice, log, out)
+
+
+def _read(
+    run: Path, where: options.Log, wrap: Optional[float], every: Optional[int]
+) -> 'tuple[RecordedRun, Log, int, list[str]]':
+    """Return the run, what the fit gets of it, every which row that is, and doubts."""
+    from nadrc_ros.records.read_run import read_run
+    from nadrc_ros.records.recorded_run import window
+    from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
+    from nadrc_ros.tuning.identification.cause import seems_swapped, SWAPPED
+    from nadrc_ros.tuning.identification.log import log_of
+
+    with progress(f'reading {run}'):
+        recorded = read_run(run, where.source)
+    if recorded.told:
+        complain(f'{run}: {recorded.told}')
+    recorded = window(recorded, where.begin, where.end)
+    if wrap:
+        recorded = unwrapped(recorded, wrap)
+    recorded, wrong = without_outliers(recorded)
+    if wrong:
+        complain(f'{run}: {wrong}')
+    if wrap is None:
+        _refuse_wrapped(recorded)
+    thin, kept = thinned(recorded, _MOST_ROWS, every)
+    if kept > 1:
+        complain(
+            f'{run}: every {kept} rows count as one, {thin.rate:.4g} Hz'
+            + ('' if every else '; --every 1 uses all of them')
+        )
+    log = log_of(thin)
+    swapped = SWAPPED if seems_swapped(log) else ''
+    if swapped:
+        complain(f'{run}: {swapped}')
+    return recorded, log, kept, [doubt for doubt in (wrong, swapped) if doubt]
+
+
+def _write_parameters(path: Path, advice: 'Advice', rate: float) -> None:
+    from nadrc_ros.atomic import write_whole
+    from nadrc_ros.scenario.parameter_files import (
+        ANY_CONTROLLER,
+        controller_parameters,
+        parameter_text,
+    )
+    from nadrc_ros.tuning.identification.advice import rounded
+
+    parameters = controller_parameters(advice.settings, rounded(rate))
+    if not advice.limits_known:
+        for name in _ONLY_THE_CONTROLLER_KNOWS:
+            del parameters[name]
+    write_whole(path, parameter_text({ANY_CONTROLLER: parameters}).encode())
+
+
+def _write_scenario(path: Path, plant: 'Plant', log: 'Log', advice: 'Advice') -> float:
+    """Write a scenario that repeats the log, and return the ISU for a tuning of it."""
+    from nadrc_ros.atomic import write_whole
+    from nadrc_ros.scenario.files import dump
+    from nadrc_ros.tuning.identification.advice import rounded
+    from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
+
+    text = reference_text(log)
+    followed = path.with_suffix('.csv') if text else None
+    if followed is not None:
+        write_whole(followed, text.encode())
+    repeated = scenario_of(plant, log, advice.settings, followed)
+    note = '' if advice.limits_known else f'# {_guess(advice, log)}\n'
+    write_whole(path, (note + dump(repeated)).encode())
+    return rounded(_MORE_EFFORT * repeated.run(NAME).metrics.isu, 3)
+
+
+def _complain(
+    run: Path, plant: 'Plant', advice: 'Advice', log: 'Log', out: Optional[Path]
+) -> None:
+    """Say what was guessed, what is doubtful, and what has to be done."""
+    from nadrc_ros.scenario.parameter_files import about_reference
+
+    if not advice.limits_known:
+        complain(f'{run}: {_guess(advice, log)}')
+        if out is not None:
+            *first, last = _ONLY_THE_CONTROLLER_KNOWS
+            complain(f'{out}: without {", ".join(first)} and {last}: set them before it runs')
+    for doubt in plant.doubts:
+        complain(f'{run}: {doubt}')
+    if out is not None and (remark := about_reference(advice.settings)):
+        typer.echo(f'{out}: {remark}')
 
 
 def _guess(advice: 'Advice', log: 'Log') -> str:
@@ -182,24 +205,22 @@ def _refuse_wrapped(run: 'RecordedRun') -> None:
         )
 
 
-def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str, Any]:
-    import attrs
+def _write_json(
+    path: Path, plant: 'Plant', advice: 'Advice', b0: Optional[float], kept: int, doubts: list[str]
+) -> None:
+    from nadrc_ros.atomic import write_json
 
-    def plain(estimate: 'Estimate') -> dict[str, float]:
-        return {
-            'value': estimate.value,
-            'standard_error': estimate.error,
-            'low': estimate.low,
-            'high': estimate.high,
-        }
+    def plain(estimate: 'Optional[Estimate]') -> Optional[dict[str, float]]:
+        if estimate is None:
+            return None
+        ends = {'low': estimate.low, 'high': estimate.high}
+        return {'value': estimate.value, 'standard_error': estimate.error, **ends}
 
-    document = attrs.asdict(plant, recurse=False)
-    for name in ('b0', 'damping', 'lateness'):
-        value = getattr(plant, name)
-        document[name] = plain(value) if value is not None else None
-    document['unexplained'] = {str(n): value for n, value in plant.unexplained.items()}
-    return {
-        **document,
+    document = {
+        **attrs.asdict(plant, recurse=False),
+        **{name: plain(getattr(plant, name)) for name in ('b0', 'damping', 'lateness')},
+        'unexplained': {str(n): value for n, value in plant.unexplained.items()},
+        'doubts': [*doubts, *plant.doubts],
         'configured_b0': b0,
         'settling_time': advice.design.wanted.settling_time,
         'limited_by': advice.limit,
@@ -207,7 +228,9 @@ def _document(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> dict[str
         'controller_bandwidth': advice.settings.controller_bandwidth,
         'design': advice.line,
         'margins': advice.margins.as_dict(),
+        'rows_per_sample': kept,
     }
+    write_json(path, document)
 
 
 def _print_table(title: str, plant: 'Plant') -> None:
@@ -284,8 +307,8 @@ def _compared(plant: 'Plant', advice: 'Advice', b0: float) -> str:
     factor, way = (ratio, 'large') if ratio > 1.0 else (1.0 / ratio, 'small')
     margins = advice.margins
     inside = margins.gain_low**0.5 <= 1.0 / ratio <= margins.gain_high**0.5
-    worth = 'tolerable' if inside and factor <= TOLERABLE else 'worth a change'
+    worth = 'tolerable' if inside and factor <= _TOLERABLE else 'worth a change'
     said = f'b0 = {b0:g} is {factor:.2f} times too {way}: {worth}'
-    if len(plant.unexplained) == 1 or factor <= TOLERABLE:
+    if len(plant.unexplained) == 1 or factor <= _TOLERABLE:
         return said + '.'
     return f'{said}. If it is no b0 of order {plant.order}, give its order: --order.'

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from nadrc_ros.records.source import Source
     from nadrc_ros.scenario import Scenario
 
-KINDS = {'number': float, 'integer': int, 'choice': str, 'flag': bool, 'text': str}
-PICTURES = ('.png', '.svg', '.pdf')
+_KINDS = {'number': float, 'integer': int, 'choice': str, 'flag': bool, 'text': str}
+_PICTURES = ('.png', '.svg', '.pdf')
 
 ScenarioFile = Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')]
 # What changes a scenario.
@@ -89,7 +89,7 @@ def _described(field: Declared, unset: bool) -> Any:
     default = f'{field.default:g}' if isinstance(field.default, float) else str(field.default)
     said = f' (default {default})' if unset else ''
     text = f'{field.description[0].upper()}{field.description[1:]}{choices}{unit}{said}.'
-    kind = KINDS[field.kind]
+    kind = _KINDS[field.kind]
     option = typer.Option(help=text.replace('[', '\\['))
     return Annotated[Optional[kind] if unset else kind, option]
 
@@ -144,7 +144,7 @@ def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
     return scenario
 
 
-def check_ending(path: Optional[Path], option: str, endings: Sequence[str] = PICTURES) -> None:
+def check_ending(path: Optional[Path], option: str, endings: Sequence[str] = _PICTURES) -> None:
     """Refuse a file whose name does not say one of the formats there are."""
     if path is not None and path.suffix not in endings:
         raise typer.BadParameter(f'{path} must end in ' + ' or '.join(endings), param_hint=option)

@@ -82,4 +82,4 @@ def _fill(
     with progress('runs', table.runs, table.done) as tell:
         for found in stream(executor, run_range, tasks):
             table.append(found)
-            tell(table.done)
+            tell(table.done, '')

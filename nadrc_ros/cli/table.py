@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from nadrc_ros.report.tables import ROWS, shown, wins
+from nadrc_ros.report.tables import FIGURES, shown, wins
 from nadrc_ros.simulation.metrics import MetricValues
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-PIPE_WIDTH = 200
-GAP = 2
+_PIPE_WIDTH = 200
+_BETWEEN_COLUMNS = 2
 
 
 class Row(NamedTuple):
@@ -28,7 +28,7 @@ def print_figures_of_merit(
 ) -> None:
     """Print a row for each figure and a column for each run, the lowest value in bold."""
     rows = []
-    for key, label, meaning in ROWS:
+    for key, label, meaning in FIGURES:
         values = [getattr(m, key) for m in metrics.values()]
         cells = [Text(shown(key, v), 'bold' if wins(v, values) else '') for v in values]
         if key == 'peak_error' and settle_time:
@@ -50,12 +50,12 @@ def print_columns(title: str, heads: Sequence[str | Text], rows: Sequence[Row]) 
         screen.print(Text(title, 'bold'), soft_wrap=True)
     labels = max(len(row.label) for row in rows)
     widths = [
-        GAP + max(cell.cell_len for cell in (head, *(line[i] for line in cells)))
+        _BETWEEN_COLUMNS + max(cell.cell_len for cell in (head, *(line[i] for line in cells)))
         for i, head in enumerate(heads)
     ]
     screen.width = max(screen.width, labels + max(widths))  # one column there must be
     meanings = max(len(row.meaning) for row in rows)
-    beside = labels + GAP + meanings + sum(widths) <= screen.width
+    beside = labels + _BETWEEN_COLUMNS + meanings + sum(widths) <= screen.width
     if meanings and not beside:
         for row in rows:
             screen.print(Text(f'{row.label:{labels}}  {row.meaning}', 'dim'), soft_wrap=True)
@@ -80,7 +80,7 @@ def console() -> Console:
     """Return the terminal, or what does not wrap lines where nobody is there to read them."""
     screen = Console(markup=False, emoji=False, highlight=False)
     if not screen.is_terminal:
-        screen.width = PIPE_WIDTH
+        screen.width = _PIPE_WIDTH
     return screen
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.search.result import Tuned
     from nadrc_ros.tuning.search.study import TuningStudy
 
-OUT = Path('out/tune')
+_OUT = Path('out/tune')
 
 
 @takes(values=fields(TuneSettings, unset=True))
@@ -84,7 +84,7 @@ def tune(
     with reporting():
         names = _chosen(scenario, controller)
         tuning = _tuning(given, settings)
-        folder = out or OUT / path.stem
+        folder = out or _OUT / path.stem
         check_folder(folder)
         try:
             from nadrc_ros.tuning.search.study import open_storage
@@ -249,7 +249,7 @@ def _finish(
     typer.echo(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
 
 
-ROWS = 12
+_MOST_FRONT_ROWS = 12
 
 
 def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
@@ -259,7 +259,9 @@ def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
 
     heads = ['ISU', tuning.objective_label, *(v.name for v in one.varied)]
     last = len(one.front) - 1
-    shown = {round(i * last / (ROWS - 1)) for i in range(ROWS)} | {one.choice.index}
+    shown = {round(i * last / (_MOST_FRONT_ROWS - 1)) for i in range(_MOST_FRONT_ROWS)} | {
+        one.choice.index
+    }
     rows = []
     for i in sorted(shown):
         point, style = one.front[i], 'bold' if i == one.choice.index else ''

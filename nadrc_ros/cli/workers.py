@@ -13,7 +13,7 @@ from threading import Thread
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.extras import MissingPackage
 
-CONNECT_TIMEOUT = 10.0
+_CONNECT_TIMEOUT = 10.0
 
 
 @contextmanager
@@ -59,7 +59,7 @@ def cluster(address: str) -> Iterator[Executor]:
     except ImportError:
         raise MissingPackage('--dask', 'dask', 'sweep') from None
     try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        client = Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise UserError(f'--dask {address}: no scheduler answers there ({error})') from None
     try:

@@ -23,14 +23,14 @@ from nadrc_ros.records.recording import RecordingError, topic_of
 from nadrc_ros.records.source import Array, REQUIRED, rows_of, SIGNALS, Source
 import numpy as np
 
-SUFFIXES = ('.db3', '.mcap', '.db3.zstd', '.mcap.zstd')
-NUMBERS = re.compile(r'std_msgs/msg/(Float|U?Int)\d+')
+_BAG_ENDINGS = ('.db3', '.mcap', '.db3.zstd', '.mcap.zstd')
+_NUMBER_TYPES = re.compile(r'std_msgs/msg/(Float|U?Int)\d+')
 
 
 def is_bag(path: Path) -> bool:
     """Tell whether ``path`` is the file of a bag, or a folder that holds one."""
     return any(
-        each.name.endswith(SUFFIXES) for each in (path.iterdir() if path.is_dir() else [path])
+        each.name.endswith(_BAG_ENDINGS) for each in (path.iterdir() if path.is_dir() else [path])
     )
 
 
@@ -133,7 +133,7 @@ def _file_of(path: Path) -> Path:
     """Return the file of a folder without metadata, as a recording that was killed leaves it."""
     if not path.is_dir() or (path / 'metadata.yaml').exists():
         return path
-    files = sorted(each for each in path.iterdir() if each.name.endswith(SUFFIXES))
+    files = sorted(each for each in path.iterdir() if each.name.endswith(_BAG_ENDINGS))
     if len(files) > 1:
         raise RecordingError('no metadata.yaml and several files: name one of them')
     return files[0]
@@ -154,7 +154,7 @@ def _choose(existing: Mapping[str, str], source: Source) -> dict[str, str]:
             chosen[name] = topic
     for name in REQUIRED:
         if name not in chosen:
-            numbers = [t for t, kind in existing.items() if NUMBERS.fullmatch(kind)]
+            numbers = [t for t, kind in existing.items() if _NUMBER_TYPES.fullmatch(kind)]
             listed = ', '.join(sorted(set(numbers) - set(chosen.values()))) or 'no topic'
             raise RecordingError(
                 f'no topic {prefix}/{name}: name that of the {name} with --{name}; one number '

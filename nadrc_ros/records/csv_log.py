@@ -13,7 +13,7 @@ from nadrc_ros.scenario.csv_file import CsvFile, open_csv, Series
 import numpy as np
 
 # Of columns, what people call them: the first that there is only one of counts.
-USUAL = {
+_USUAL_NAMES = {
     'time': ('time', 't', 'timestamp', 'stamp', 'seconds', 'zeit', 'date', 'datetime', 'clock'),
     'command': (
         *('command', 'cmd', 'u', 'control_effort', 'control', 'effort', 'controller_output', 'co'),
@@ -105,7 +105,7 @@ def guessed(names: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
     """
     free = [name for name in names if name not in given.values()]
     found = dict(given)
-    for signal, usual in USUAL.items():
+    for signal, usual in _USUAL_NAMES.items():
         if signal in found:
             continue
         for word in usual:

@@ -30,9 +30,9 @@ ABOUT = 'about.json'
 PARAMETERS = 'parameters.jsonl'
 EVENTS = 'events.jsonl'
 # What tells the controller and the plant of this package from other nodes.
-CONTROLLER = {'structure', 'inner_bandwidth'}
-PLANT = {'plant', 'noise_variance'}
-LIMITS = ('command_min', 'command_max')
+_CONTROLLER_HAS = {'structure', 'inner_bandwidth'}
+_PLANT_HAS = {'plant', 'noise_variance'}
+_COMMAND_LIMITS = ('command_min', 'command_max')
 
 T = TypeVar('T')
 Values = dict[str, Any]
@@ -83,7 +83,7 @@ class History:
 
     def controller_settings(self) -> Steps[ControllerSettings]:
         """Return the settings of the controller, each with the time [s] from which it held."""
-        return self._steps(CONTROLLER, partial(_built, ControllerSettings))
+        return self._steps(_CONTROLLER_HAS, partial(_built, ControllerSettings))
 
     def plant_gain(self) -> Steps[float]:
         """
@@ -91,7 +91,7 @@ class History:
 
         Nothing for a user's plant: who reads a record does not run the code that it names.
         """
-        return self._steps(PLANT, _plant_b0)
+        return self._steps(_PLANT_HAS, _plant_b0)
 
     def _steps(self, marks: set[str], make: Callable[[Mapping[str, Any]], T | None]) -> Steps[T]:
         """Return what is made of the parameters of the node that has the marks, from each time."""
@@ -109,10 +109,13 @@ class History:
     def command_limits(self) -> tuple[float, float] | None:
         """Return the limits of the command that held all the time, None where nobody knows."""
         controllers = [
-            node for node, values in self.parameters.items() if values.keys() >= CONTROLLER
+            node for node, values in self.parameters.items() if values.keys() >= _CONTROLLER_HAS
         ]
-        told = {tuple(self.parameters[node].get(name) for name in LIMITS) for node in controllers}
-        changed = any(c.name in LIMITS and c.node in controllers for c in self.changes)
+        told = {
+            tuple(self.parameters[node].get(name) for name in _COMMAND_LIMITS)
+            for node in controllers
+        }
+        changed = any(c.name in _COMMAND_LIMITS and c.node in controllers for c in self.changes)
         low, high = told.pop() if len(told) == 1 and not changed else (None, None)
         if not (isinstance(low, float) and isinstance(high, float)):
             return None

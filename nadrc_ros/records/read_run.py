@@ -21,12 +21,12 @@ from nadrc_ros.records.recording import (
 from nadrc_ros.records.source import Source
 import numpy as np
 
-OWN = Source()
+_OWN_NAMES = Source()
 
 
 def read_runs(
     paths: Sequence[Path],
-    source: Source = OWN,
+    source: Source = _OWN_NAMES,
     begin: float | None = None,
     end: float | None = None,
 ) -> dict[str, RecordedRun]:
@@ -48,13 +48,13 @@ def read_runs(
     for path in dict.fromkeys(paths):
         own = (path / SAMPLES).is_file()
         try:
-            runs.append(window(read_run(path, OWN if own else source), begin, end))
+            runs.append(window(read_run(path, _OWN_NAMES if own else source), begin, end))
         except UserError as error:
             raise RecordingError(f'{path}: {error}') from None
     return dict(zip(_names(runs), runs))
 
 
-def read_run(path: Path, source: Source = OWN) -> RecordedRun:
+def read_run(path: Path, source: Source = _OWN_NAMES) -> RecordedRun:
     """
     Read a run from a folder with ``samples.csv``, a bag's folder or file, or a CSV file.
 
@@ -75,7 +75,7 @@ def read_run(path: Path, source: Source = OWN) -> RecordedRun:
     """
     figures, summary, told = None, {}, ''
     if (path / SAMPLES).is_file():
-        if source != OWN:
+        if source != _OWN_NAMES:
             raise RecordingError(
                 f'{SAMPLES} has columns of known names; topics and columns are those of other logs'
             )

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 # Share of a log that is not yet settled, where nobody said when it is.
-START = 0.1
+_UNSETTLED_SHARE = 0.1
 
 
 @attrs.frozen(kw_only=True, eq=False, slots=False)
@@ -150,7 +150,9 @@ class RecordedRun:
     @property
     def figure_settings(self) -> RunSettings:
         """Return what the figures of merit are asked to be."""
-        return self.figures or RunSettings(settle_time=START * float(self.time[-1] - self._start))
+        return self.figures or RunSettings(
+            settle_time=_UNSETTLED_SHARE * float(self.time[-1] - self._start)
+        )
 
     @property
     def metrics(self) -> MetricValues:

@@ -30,7 +30,7 @@ ESTIMATES = {
 STAMPED = ('reference', 'measurement', 'command')
 STAMPS = tuple(f'{name}_stamp' for name in STAMPED)
 # What an earlier version did not write and took for granted.
-EARLIER = {'settle_time': 2.0}
+_TAKEN_FOR_GRANTED = {'settle_time': 2.0}
 
 
 class RecordingError(UserError):
@@ -246,7 +246,7 @@ def read_settings(folder: Path) -> RunSettings:
         raise RecordingError(f'{path.name}: {error}') from None
     known = declared(RunSettings)
     if isinstance(content, dict):
-        content = EARLIER | content
+        content = _TAKEN_FOR_GRANTED | content
     if not isinstance(content, dict) or content.keys() != known.keys():
         raise RecordingError(f'{path.name}: must have {", ".join(known)} and nothing else')
     return build(RunSettings, content, path.name)

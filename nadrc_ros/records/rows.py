@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from math import inf, isfinite, nan
 
 import attrs
-from nadrc_ros.records.spacing import GAP, Spacing
+from nadrc_ros.records.spacing import GAP_SPACINGS, Spacing
 
-MEASUREMENT, REFERENCE, OUTPUT, COMMAND = 'measurement', 'reference', 'output', 'command'
+_MEASUREMENT, _REFERENCE, _OUTPUT, _COMMAND = 'measurement', 'reference', 'output', 'command'
 # A true output so many usual spacings away from every measurement is an instant of its own.
-OVERDUE = 0.75
+_OVERDUE_SPACINGS = 0.75
 # A reference that comes at most so many times slower than the rows is one that moves with them.
-SLOWER = 2.0
+_SLOWEST_MOVING = 2.0
 SECOND = 1e9
 
 
@@ -164,7 +164,7 @@ class Rows:
         """Return how many samples of each signal were lost so far."""
         begin = self.begin
         if begin is None:
-            begin = next(iter(self._tracks[COMMAND].times), None)
+            begin = next(iter(self._tracks[_COMMAND].times), None)
         span = inf if begin is None else begin, self._limit
         return {name: track.lost(*span) for name, track in self._tracks.items()}
 
@@ -189,7 +189,7 @@ class Rows:
         ``stamp`` goes with it into the row; ``lost`` is how many are missing before it.
         """
         self._newest = max(self._newest, time)
-        if name == MEASUREMENT and time <= self._known:
+        if name == _MEASUREMENT and time <= self._known:
             self.late += 1
         else:
             self._tracks[name].take(time, value, stamp, lost)
@@ -200,7 +200,7 @@ class Rows:
 
     def close(self, until: int) -> list[Row]:
         """Return the rows that are over at ``until`` [ns], all samples up to then being there."""
-        return self._close(until, OVERDUE)
+        return self._close(until, _OVERDUE_SPACINGS)
 
     def end(self) -> list[Row]:
         """Return all rows that are left; a stream that ended before the others leaves a gap."""
@@ -219,7 +219,7 @@ class Rows:
         until = int(min(until, self._limit))
         for name, track in self._tracks.items():
             self.gaps += track.settle(until, name)
-        self._find_instants(until - int(wait * self._due()) if OUTPUT in self._tracks else until)
+        self._find_instants(until - int(wait * self._due()) if _OUTPUT in self._tracks else until)
         if self.begin is None and not self._start():
             self._forget()
             return []
@@ -234,19 +234,19 @@ class Rows:
 
     def _due(self) -> float:
         """Return the usual spacing of measurements [ns], that of outputs where there are none."""
-        measured = self._tracks[MEASUREMENT]
+        measured = self._tracks[_MEASUREMENT]
         usual = measured.spacing.usual
         if not usual and len(measured.times) > 1:
             usual = measured.times[1] - measured.times[0]
-        output = self._tracks.get(OUTPUT)
+        output = self._tracks.get(_OUTPUT)
         return usual or (output.spacing.usual if output is not None else 0.0)
 
     def _find_instants(self, known: int) -> None:
         """Find the instants up to ``known`` [ns]."""
-        output, apart = self._tracks.get(OUTPUT), OVERDUE * self._due()
+        output, apart = self._tracks.get(_OUTPUT), _OVERDUE_SPACINGS * self._due()
         if known <= self._known:
             return
-        measured = self._tracks[MEASUREMENT]
+        measured = self._tracks[_MEASUREMENT]
         first, last = (bisect_right(measured.times, t) for t in (self._known, known))
         found = list(zip(measured.times, measured.values, measured.stamps))[first:last]
         if output is not None and apart:
@@ -260,14 +260,14 @@ class Rows:
 
     def _alone(self, time: int, apart: float) -> bool:
         """Tell whether no measurement is as near as that."""
-        times = self._tracks[MEASUREMENT].times
+        times = self._tracks[_MEASUREMENT].times
         place = bisect_left(times, time)
         near = times[max(0, place - 1) : place + 1]
         return all(abs(each - time) > apart for each in near)
 
     def _start(self) -> bool:
         """Begin with the last instant before the first command, or the first one after it."""
-        command = self._tracks[COMMAND].times
+        command = self._tracks[_COMMAND].times
         if not self._instants:
             return False
         first = command[0] if command and command[0] <= self._known else inf
@@ -291,25 +291,25 @@ class Rows:
             end = time + (usual or inf)
         values, stamps = {}, {}
         for name, track in self._tracks.items():
-            if name == MEASUREMENT:
+            if name == _MEASUREMENT:
                 values[name], stamps[name] = measurement, stamp
                 continue
             place = self._place(name, track, time, end)
             values[name] = track.values[place] if place >= 0 else nan
             stamps[name] = track.stamps[place] if place >= 0 else nan
-            if name == REFERENCE and place >= 0:
+            if name == _REFERENCE and place >= 0:
                 values[name] = self._between(track, place, time)
         return Row((time - self.begin) / SECOND, values, stamps)
 
     def _place(self, name: str, track: Track, time: int, end: float) -> int:
         """Return the place of the sample that belongs to the row, -1 if there is none."""
-        if name == REFERENCE:
+        if name == _REFERENCE:
             return bisect_right(track.times, time) - 1
-        if name != OUTPUT:
+        if name != _OUTPUT:
             return track.last(end)
         place, usual = track.last(time), self._spacing.usual or inf
         after = track.times[place + 1] - time if place + 1 < len(track.times) else inf
-        if after < min(OVERDUE * usual, end - time):
+        if after < min(_OVERDUE_SPACINGS * usual, end - time):
             return place + 1
         return place if place >= 0 and time - track.times[place] < 0.5 * usual else -1
 
@@ -321,7 +321,11 @@ class Rows:
         span = track.times[place + 1] - track.times[place]
         following = track.values[place + 1]
         moves = value != track.values[place - 1] and isfinite(following)
-        if not moves or track.spacing.usual > SLOWER * usual or span > GAP * usual:
+        if (
+            not moves
+            or track.spacing.usual > _SLOWEST_MOVING * usual
+            or span > GAP_SPACINGS * usual
+        ):
             return value
         return value + (following - value) * (time - track.times[place]) / span
 

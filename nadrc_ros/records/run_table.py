@@ -19,9 +19,9 @@ from nadrc_ros.scenario.sweep import cell, Extent, Sweep
 from nadrc_ros.simulation.metrics import MetricValues
 
 FORMATS = ('.csv', '.parquet')
-METRICS = tuple(field.name for field in attrs.fields(MetricValues))
+_METRICS = tuple(field.name for field in attrs.fields(MetricValues))
 # A scenario has a duration too.
-NAMES = {'duration': 'duration_used'}
+_COLUMN_NAMES = {'duration': 'duration_used'}
 
 
 class RunTable:
@@ -66,7 +66,7 @@ class RunTable:
         assert self._file is not None
         text = ''
         for metrics in found:
-            figures = (repr(getattr(metrics, name)) for name in METRICS)
+            figures = (repr(getattr(metrics, name)) for name in _METRICS)
             text += _line([*self._key(self.done), *figures])
             self.done += 1
         self._file.write(text.encode())
@@ -101,7 +101,7 @@ class RunTable:
         """Cut off a row that was not written whole, check the keys, return how many there are."""
         assert self._file is not None
         header = _line(
-            [*self.sweep.vary, 'controller', 'seed', *(NAMES.get(m, m) for m in METRICS)]
+            [*self.sweep.vary, 'controller', 'seed', *(_COLUMN_NAMES.get(m, m) for m in _METRICS)]
         )
         self._file.seek(0)
         rows, end = -1, 0
@@ -155,7 +155,7 @@ def _types(sweep: Sweep) -> dict[str, str]:
         **{path: _type(values) for path, values in sweep.vary.items()},
         'controller': 'string',
         'seed': 'int64',
-        **{NAMES.get(m, m): 'int64' if m in counts else 'float64' for m in METRICS},
+        **{_COLUMN_NAMES.get(m, m): 'int64' if m in counts else 'float64' for m in _METRICS},
     }
 
 

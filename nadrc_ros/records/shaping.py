@@ -12,22 +12,22 @@ from scipy.ndimage import median_filter
 
 Marks = npt.NDArray[np.bool_]
 # So many rows in a row may be wrong.
-LONGEST_BURST = 10
+_LONGEST_BURST = 10
 # Up to that share of the rows is suspected at first.
-SUSPECTED = 0.25
-NAMED = 3
+_SUSPECTED_SHARE = 0.25
+_MOST_NAMED = 3
 # What a reading that starts again counts to: rad, degrees, turns, encoders.
 PERIODS = {2.0 * pi: '6.283185307179586', 360.0: '360', 1.0: '1'} | {
     float(2**bits): str(2**bits) for bits in range(8, 25)
 }
 # A wrap fills its period, jumps over nearly all of it, otherwise moves by little of it, and stays
 # on either side of the middle for some of the time, which a spike does not.
-FILLED, JUMP, STEP, STAYS = 0.9, 0.8, 0.1, 0.01
-FEWEST_VALUES = 20
-ANGLES = ('reference', 'output', 'tracking', 'output_estimate')
+_FILLED_SHARE, _JUMP_SHARE, _STEP_SHARE, _STAYING_SHARE = 0.9, 0.8, 0.1, 0.01
+_FEWEST_VALUES = 20
+_OTHER_ANGLES = ('reference', 'output', 'tracking', 'output_estimate')
 # Between two rows that are kept the output may miss their straight line by that share of its span
 # and that of its noise: with five times more, b0 of a plant of order 2 was off by half a percent.
-BEND, BEND_IN_NOISE = 2e-4, 0.2
+_BEND, _BEND_IN_NOISE = 2e-4, 0.2
 
 
 def wrap_of(values: Array) -> float | None:
@@ -35,13 +35,16 @@ def wrap_of(values: Array) -> float | None:
     known = values[np.isfinite(values)]
     steps = np.abs(np.diff(known))
     span = float(np.ptp(known)) if known.size else 0.0
-    if span == 0.0 or len(np.unique(known)) < FEWEST_VALUES:
+    if span == 0.0 or len(np.unique(known)) < _FEWEST_VALUES:
         return None
-    jumps = steps > JUMP * span
+    jumps = steps > _JUMP_SHARE * span
     above = float(np.mean(known > known.min() + 0.5 * span))
-    if not (jumps.any() and STAYS < above < 1.0 - STAYS) or steps[~jumps].max() > STEP * span:
+    if (
+        not (jumps.any() and _STAYING_SHARE < above < 1.0 - _STAYING_SHARE)
+        or steps[~jumps].max() > _STEP_SHARE * span
+    ):
         return None
-    return next((each for each in PERIODS if FILLED * each <= span <= 1.001 * each), None)
+    return next((each for each in PERIODS if _FILLED_SHARE * each <= span <= 1.001 * each), None)
 
 
 def unwrapped(run: RecordedRun, period: float) -> RecordedRun:
@@ -52,7 +55,7 @@ def unwrapped(run: RecordedRun, period: float) -> RecordedRun:
     turned = y.copy()
     turned[known] = np.unwrap(y[known], period=period)
     columns['measurement'] = turned
-    for name in (name for name in ANGLES if name in columns):
+    for name in (name for name in _OTHER_ANGLES if name in columns):
         columns[name] = columns[name] + period * np.rint((turned - columns[name]) / period)
     return attrs.evolve(run, columns=columns)
 
@@ -65,7 +68,7 @@ def thinned(run: RecordedRun, most: int, every: int | None = None) -> tuple[Reco
 
     The measurement is that of every q-th row, the command the mean of those until the next: a held
     command moves a plant of order 1 as its mean does, and others nearly so as long as the output
-    between two rows is nearly a straight line, see ``BEND``.
+    between two rows is nearly a straight line, see ``_BEND``.
     """
     place = np.rint((run.columns['time'] - run.columns['time'][0]) * run.rate).astype(np.int64)
     if every is None:
@@ -95,7 +98,7 @@ def _bends(motion: Array, every: int) -> bool:
         return True
     noise = float(np.mean(steps**2)) / 6.0
     span = float(np.nanmax(motion) - np.nanmin(motion))
-    allowed = (BEND * span) ** 2 + BEND_IN_NOISE**2 * noise
+    allowed = (_BEND * span) ** 2 + _BEND_IN_NOISE**2 * noise
     return float(np.mean(bend**2)) - 1.5 * noise > allowed
 
 
@@ -108,14 +111,14 @@ def outliers(values: Array) -> Marks:
     that are farther from it, M being the largest step of all others: what remains of the suspects
     when M grows by those that are cleared.
     """
-    if len(values) <= 2 * LONGEST_BURST:
+    if len(values) <= 2 * _LONGEST_BURST:
         return np.zeros(len(values), dtype=bool)
-    away = np.abs(values - median_filter(values, 2 * LONGEST_BURST + 1, mode='mirror'))
-    usual = LONGEST_BURST * float(np.median(np.abs(np.diff(values))))
-    found: Marks = away > max(float(np.quantile(away, 1.0 - SUSPECTED)), usual)
+    away = np.abs(values - median_filter(values, 2 * _LONGEST_BURST + 1, mode='mirror'))
+    usual = _LONGEST_BURST * float(np.median(np.abs(np.diff(values))))
+    found: Marks = away > max(float(np.quantile(away, 1.0 - _SUSPECTED_SHARE)), usual)
     while found.any():
         largest = float(np.max(np.abs(np.diff(values[~found]))))
-        kept = found & (away > LONGEST_BURST * largest)
+        kept = found & (away > _LONGEST_BURST * largest)
         if (kept == found).all():
             break
         found = kept
@@ -130,9 +133,9 @@ def without_outliers(run: RecordedRun) -> tuple[RecordedRun, str]:
     if not wrong.size:
         return run, ''
     named = ', '.join(
-        f'{measured[row]:.6g} at {run.columns["time"][row]:.10g} s' for row in wrong[:NAMED]
+        f'{measured[row]:.6g} at {run.columns["time"][row]:.10g} s' for row in wrong[:_MOST_NAMED]
     )
-    more = f' and {wrong.size - NAMED} more' if wrong.size > NAMED else ''
+    more = f' and {wrong.size - _MOST_NAMED} more' if wrong.size > _MOST_NAMED else ''
     measured[wrong] = np.nan
     told = (
         f'the measurement {named}{more} is farther from those before and after than all others '

@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 REQUIRED = ('measurement', 'command')
-LEVELS = tuple(f'level_{k}' for k in range(1, MAX_LEVELS + 1))
-SIGNALS = (*NEEDED, *TRUTH, *ESTIMATES, *LEVELS)
+_LEVELS = tuple(f'level_{k}' for k in range(1, MAX_LEVELS + 1))
+SIGNALS = (*NEEDED, *TRUTH, *ESTIMATES, *_LEVELS)
 # Samples of a log that are made rows together.
-AT_ONCE = 10_000
+_SAMPLES_AT_ONCE = 10_000
 
 
 @attrs.frozen(kw_only=True)
@@ -82,8 +82,8 @@ def rows_of(
             for name, number in row.values.items():
                 columns[name].append(number)
 
-    for begin in range(0, len(order), AT_ONCE):
-        part = order[begin : begin + AT_ONCE]
+    for begin in range(0, len(order), _SAMPLES_AT_ONCE):
+        part = order[begin : begin + _SAMPLES_AT_ONCE]
         for k, time, number in zip(*(each[part].tolist() for each in (signal, when, value))):
             rows.take(names[k], time, number)
         keep(rows.close(int(when[part[len(part) // 2]]) - 1))  # a row needs what comes soon after

@@ -14,10 +14,10 @@ from nadrc_ros.report.picture import COLOURS, GREY, INK, STYLE
 import numpy as np
 import numpy.typing as npt
 
-SIZE = (10.0, 7.4)
-PAPER = {'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8, 'pad': 1.0}
+_SIZE = (10.0, 7.4)
+_LABEL_BOX = {'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8, 'pad': 1.0}
 # Decades shown: of |L|, and of the others below their largest value.
-ABOVE, BELOW, DEPTH = 2.0, -3.0, 3.0
+_DECADES_ABOVE, _DECADES_BELOW, _DECADES_DEEP = 2.0, -3.0, 3.0
 
 
 class Loop(NamedTuple):
@@ -45,7 +45,7 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
     the disturbance, 0 for none.
     """
     with rc_context(STYLE):
-        figure = Figure(figsize=SIZE)
+        figure = Figure(figsize=_SIZE)
         ((rejection, noise), (gain, phase)) = figure.subplots(2, 2, sharex=True)
         for i, (name, loop) in reversed(list(enumerate(loops.items()))):
             look: dict[str, Any] = {'color': COLOURS[(1, 0, 2, 3)[i % 4]], 'zorder': 3 - i}
@@ -61,10 +61,10 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
         noise.set_title('noise to command  |u / noise|  [command unit / output unit]')
         gain.set_title('open loop, gain  |L|')
         phase.set_title('open loop, phase of L  [degrees]')
-        gain.set_ylim(10.0**BELOW, 10.0**ABOVE)
+        gain.set_ylim(10.0**_DECADES_BELOW, 10.0**_DECADES_ABOVE)
         for axis, column in ((rejection, 'disturbance_to_output'), (noise, 'noise_to_command')):
             top = 2.0 * max(getattr(loop, column).max() for loop in loops.values())
-            axis.set_ylim(top * 10.0**-DEPTH, top)
+            axis.set_ylim(top * 10.0**-_DECADES_DEEP, top)
         for axis in (rejection, noise, gain, phase):
             for one in (axis.xaxis, axis.yaxis):
                 if one.get_scale() == 'log':
@@ -129,7 +129,7 @@ def _mark_gains(axis: Any, loop: Loop) -> None:
                 textcoords='offset points',
                 ha='left' if right else 'right',
                 va='center',
-                bbox=PAPER,
+                bbox=_LABEL_BOX,
                 zorder=6,
             )
 
@@ -150,7 +150,7 @@ def _mark_phase(axis: Any, loop: Loop) -> None:
         (loop.crossover, -180.0),
         xytext=(4, -13),
         textcoords='offset points',
-        bbox=PAPER,
+        bbox=_LABEL_BOX,
         zorder=6,
     )
 

@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 # A start larger than so many times what comes later is cut off; it is that share of the time.
-CUT, START = 2.5, 0.1
+_CUT_OFF_RATIO, _START_SHARE = 2.5, 0.1
 # Of a spectrum.
-SHORTEST = 64
-SEGMENTS = 8
+_SHORTEST_SEGMENT = 64
+_SEGMENTS = 8
 # A histogram ends at so many times its 99 %, or one straggler would hide its shape.
-WIDEST = 3.0
-BINS = 60
+_WIDEST_RATIO = 3.0
+_BINS = 60
 
 
 def kept(values: Array, points: int) -> npt.NDArray[np.int64]:
@@ -48,9 +48,9 @@ def kept(values: Array, points: int) -> npt.NDArray[np.int64]:
 def frame(lines: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
     """Return the range that cuts off a start that would make all the rest look flat."""
     whole = _finite(values for _, values in lines)
-    begin = START * max(float(time[-1]) for time, _ in lines)
+    begin = _START_SHARE * max(float(time[-1]) for time, _ in lines)
     late = _finite(values[time >= begin] for time, values in lines)
-    if not late.size or np.abs(whole).max() <= CUT * np.abs(late).max():
+    if not late.size or np.abs(whole).max() <= _CUT_OFF_RATIO * np.abs(late).max():
         return None
     room = 0.15 * float(np.ptp(late))
     return (float(late.min()) - room, float(late.max()) + room) if room > 0.0 else None
@@ -70,9 +70,9 @@ def command_spectrum(time: Array, command: Array, rate: float) -> tuple[Array, A
     from scipy.signal import welch
 
     held = _on_grid(time, command, rate)
-    if held.size < SHORTEST:
+    if held.size < _SHORTEST_SEGMENT:
         return None
-    length = max(SHORTEST, 2 * held.size // (SEGMENTS + 1))
+    length = max(_SHORTEST_SEGMENT, 2 * held.size // (_SEGMENTS + 1))
     frequency, density = welch(held, rate, nperseg=length)
     return frequency[1:], density[1:]
 
@@ -91,9 +91,9 @@ def bins(columns: Iterable[Array]) -> Array:
     columns = list(columns)
     low = min(float(values.min()) for values in columns)
     last = max(float(values.max()) for values in columns)
-    high = min(last, WIDEST * max(float(np.quantile(v, 0.99)) for v in columns))
+    high = min(last, _WIDEST_RATIO * max(float(np.quantile(v, 0.99)) for v in columns))
     if high > low:
-        return np.linspace(min(low, high), high, BINS + 1)
+        return np.linspace(min(low, high), high, _BINS + 1)
     return np.array([low, low + 1])
 
 

@@ -11,7 +11,7 @@ from nadrc_ros.records.history import Change
 from nadrc_ros.scenario import Scenario
 
 # Changes of several runs within this time are one moment [s]: they ran side by side.
-TOGETHER = 0.1
+_SIDE_BY_SIDE = 0.1
 
 
 class Mark(NamedTuple):
@@ -48,7 +48,7 @@ def numbered(changes: Mapping[str, Sequence[Change]]) -> list[NumberedChanges]:
     every = [(change, run) for run, made in changes.items() for change in made]
     found: list[NumberedChanges] = []
     for change, run in sorted(every, key=lambda pair: pair[0].time):
-        if not found or change.time > found[-1].time + TOGETHER:
+        if not found or change.time > found[-1].time + _SIDE_BY_SIDE:
             found.append(NumberedChanges(len(found) + 1, change.time))
         found[-1].add(change, run)
     return found

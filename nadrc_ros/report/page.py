@@ -15,14 +15,14 @@ from nadrc_ros.report.summary import summary_of, title_of
 import numpy as np
 from plotly.offline import get_plotlyjs
 
-HERE = Path(__file__).parent
-NO_DISTURBANCE = 'Neither an estimate of the disturbance nor its true value was recorded.'
-NO_SPECTRUM = 'There are too few samples for a spectrum.'
-NO_STAMPS = (
+_HERE = Path(__file__).parent
+_NO_DISTURBANCE = 'Neither an estimate of the disturbance nor its true value was recorded.'
+_NO_SPECTRUM = 'There are too few samples for a spectrum.'
+_NO_STAMPS = (
     'Nothing here tells when samples left their publishers; the recorder keeps that of runs in '
     'real time.'
 )
-NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
+_NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
 
 
 def page(runs: Mapping[str, RecordedRun]) -> str:
@@ -52,7 +52,7 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
 
 
 def _text(name: str) -> str:
-    return (HERE / name).read_text(encoding='utf-8')
+    return (_HERE / name).read_text(encoding='utf-8')
 
 
 def _scripts() -> str:
@@ -77,7 +77,7 @@ def _changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
     if not moments:
         return ''
     count = sum(len(moment.changes) for moment in moments)
-    more = count - tables.LISTED
+    more = count - tables.MOST_LISTED
     return (
         _note('The plots over time mark each by its number.')
         + tables.changes(moments, runs)
@@ -101,7 +101,7 @@ def _disturbance(plotter: Plotter) -> str:
         if plot.figure.data:
             parts.append(f'<h3>{escape(name)}</h3>\n' if len(plotter.runs) > 1 else '')
             parts += [_plot(plot), _note(_which_truth(run))]
-    return ''.join(parts) or paragraph(NO_DISTURBANCE)
+    return ''.join(parts) or paragraph(_NO_DISTURBANCE)
 
 
 def _which_truth(run: RecordedRun) -> str:
@@ -120,7 +120,7 @@ def _which_truth(run: RecordedRun) -> str:
 def _spectrum(plotter: Plotter) -> str:
     plot = plotter.spectrum()
     if plot is None:
-        return paragraph(NO_SPECTRUM)
+        return paragraph(_NO_SPECTRUM)
     known = any(run.gains[1] for run in plotter.runs.values())
     marks = 'The bandwidths of controller and observers are marked.' if known else ''
     return _note(f'Power spectral density by Welch, on logarithmic axes. {marks}') + _plot(plot)
@@ -146,14 +146,14 @@ def _timing(plotter: Plotter) -> str:
         if plot is not None
     ]
     if not parts:
-        return paragraph(NO_STAMPS)
+        return paragraph(_NO_STAMPS)
     return ''.join(parts) + _note('By the stamps with which the samples left their publishers.')
 
 
 def _parameters(runs: Mapping[str, RecordedRun]) -> str:
     everything = tables.parameters(runs, different=False)
     if not everything:
-        return paragraph(NO_PARAMETERS)
+        return paragraph(_NO_PARAMETERS)
     different = tables.parameters(runs, different=True) if len(runs) > 1 else ''
     intro = 'Those in which the runs differ at their start:' if different else ''
     folded = f'<details><summary>All parameters</summary>{everything}</details>\n'

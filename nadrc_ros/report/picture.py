@@ -22,12 +22,12 @@ Drawn = Result | RecordedRun
 # Okabe and Ito's colours, safe for the colour-blind, in an order in which neighbours also differ
 # in lightness, so that a greyscale print stays readable.
 COLOURS = ('#E69F00', '#0072B2', '#CC79A7', '#004D40', '#56B4E9', '#D55E00')
-DASHES = ('-', '-', '--', '--', '-.', '-.')
-THICK, THIN = 1.8, 0.9
-LEGEND_COLUMNS = 6
+_DASHES = ('-', '-', '--', '--', '-.', '-.')
+_THICKEST, _THINNEST = 1.8, 0.9
+_LEGEND_COLUMNS = 6
 INK, GREY = '#1a1a1a', '#8a8a8a'
-WIDTH = 10.0  # inches
-ROW, HEAD, LEGEND_LINE, FOOT = 1.75, 0.75, 0.2, 0.55
+_WIDTH = 10.0  # inches
+_ROW, _HEAD, _LEGEND_LINE, _FOOT = 1.75, 0.75, 0.2, 0.55
 STYLE = {
     'agg.path.chunksize': 10000,
     'axes.edgecolor': GREY,
@@ -56,14 +56,14 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
     """
     with rc_context(STYLE):
         rows = 3 + len(traces)
-        head = HEAD + ceil((2 + len(traces)) / LEGEND_COLUMNS) * LEGEND_LINE
-        height = head + rows * ROW + FOOT
-        figure = Figure(figsize=(WIDTH, height))
+        head = _HEAD + ceil((2 + len(traces)) / _LEGEND_COLUMNS) * _LEGEND_LINE
+        height = head + rows * _ROW + _FOOT
+        figure = Figure(figsize=(_WIDTH, height))
         axes = list(figure.subplots(rows, 1, sharex=True))
         colours = dict(zip(traces, cycle(COLOURS)))
-        dashes = dict(zip(traces, cycle(DASHES)))
+        dashes = dict(zip(traces, cycle(_DASHES)))
         busiest_first = sorted(traces, key=lambda name: -_variation(traces[name]))
-        for name, width in zip(busiest_first, np.linspace(THICK, THIN, len(traces))):
+        for name, width in zip(busiest_first, np.linspace(_THICKEST, _THINNEST, len(traces))):
             # The busiest lines lie lowest and are the thickest, or they would hide the others.
             trace = traces[name]
             look = {'color': colours[name], 'linestyle': dashes[name], 'linewidth': width}
@@ -91,7 +91,7 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
             left=0.08,
             right=0.985,
             top=1 - head / height,
-            bottom=FOOT / height,
+            bottom=_FOOT / height,
             hspace=0.36,
         )
         figure.suptitle(title, x=0.08, y=1 - 0.12 / height, ha='left', va='top', weight='bold')
@@ -106,7 +106,7 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
             ['reference', 'true disturbance', *traces],
             loc='upper left',
             bbox_to_anchor=(0.075, 1 - 0.33 / height),
-            ncol=LEGEND_COLUMNS,
+            ncol=_LEGEND_COLUMNS,
             frameon=False,
             borderaxespad=0.0,
         )

@@ -17,16 +17,16 @@ import numpy as np
 from plotly import graph_objects as go
 
 # Points of all lines of a page together, some 21 bytes each.
-POINTS = 150_000
-FEWEST = 1_000
-MARKED = 40
-HEIGHT = 300  # px
-GRID = '#e4e4e4'
-FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
-DASHES = ('solid', 'solid', 'dash', 'dash', 'dashdot', 'dashdot')
-REFERENCE = {'color': INK, 'width': 1.2, 'dash': 'dot'}
-LEVELS = ('dot', 'dash', 'dashdot', 'longdash', 'longdashdot', 'solid')
-LEVEL_COLOURS = ('#56B4E9', '#D55E00', '#CC79A7', '#004D40', '#E69F00', '#0072B2')
+_MOST_POINTS = 150_000
+_FEWEST_POINTS = 1_000
+_MOST_MARKED = 40
+_HEIGHT = 300  # px
+_GRID_COLOUR = '#e4e4e4'
+_FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
+_DASHES = ('solid', 'solid', 'dash', 'dash', 'dashdot', 'dashdot')
+_REFERENCE_LINE = {'color': INK, 'width': 1.2, 'dash': 'dot'}
+_LEVEL_DASHES = ('dot', 'dash', 'dashdot', 'longdash', 'longdashdot', 'solid')
+_LEVEL_COLOURS = ('#56B4E9', '#D55E00', '#CC79A7', '#004D40', '#E69F00', '#0072B2')
 
 
 @attrs.frozen
@@ -45,13 +45,13 @@ class Plotter:
         self, runs: Mapping[str, RecordedRun], moments: Sequence[NumberedChanges]
     ) -> None:
         self.runs = runs
-        self._moments = moments[:MARKED]
+        self._moments = moments[:_MOST_MARKED]
         self._looks = {
             name: {'color': colour, 'dash': dash, 'width': 1.5}
-            for name, colour, dash in zip(runs, cycle(COLOURS), cycle(DASHES))
+            for name, colour, dash in zip(runs, cycle(COLOURS), cycle(_DASHES))
         }
         lines = sum(6 + len(run.levels) for run in runs.values())
-        self._points = max(FEWEST, POINTS // lines)
+        self._points = max(_FEWEST_POINTS, _MOST_POINTS // lines)
         ends = [float(run.time[-1]) for run in runs.values()]
         starts = [float(run.time[0]) for run in runs.values()]
         self._span = min(starts), max(*ends, min(starts) + 1e-3)
@@ -66,7 +66,7 @@ class Plotter:
         first = next(iter(self.runs))
         for name, run in self.runs.items():
             one = {'legendgroup': 'reference', 'showlegend': name == first}
-            self._line(figure, run, 'reference', run.column('reference'), REFERENCE, **one)
+            self._line(figure, run, 'reference', run.column('reference'), _REFERENCE_LINE, **one)
         true = [name for name, run in self.runs.items() if run.knows_output]
         for name, run in self.runs.items():
             label = name if name in true else f'{name}, measurement'
@@ -99,7 +99,9 @@ class Plotter:
             'estimate': (run.column('disturbance_estimate'), self._looks[name]),
         }
         if len(run.levels) > 1:
-            for level, colour, dash in zip(run.levels, cycle(LEVEL_COLOURS), cycle(LEVELS)):
+            for level, colour, dash in zip(
+                run.levels, cycle(_LEVEL_COLOURS), cycle(_LEVEL_DASHES)
+            ):
                 look = {'color': colour, 'width': 1.2, 'dash': dash}
                 lines[level.replace('_', ' ')] = run.columns[level], look
         shown = {label: line for label, line in lines.items() if np.isfinite(line[0]).any()}
@@ -230,15 +232,15 @@ def base(y: str, x: str) -> go.Figure:
     figure = go.Figure()
     figure.update_layout(
         template='none',
-        height=HEIGHT,
+        height=_HEIGHT,
         margin={'l': 62, 'r': 8, 't': 34, 'b': 44},
-        font={'family': FONT, 'size': 12, 'color': INK},
+        font={'family': _FONT, 'size': 12, 'color': INK},
         legend={'orientation': 'h', 'x': 0, 'y': 1.02, 'yanchor': 'bottom', 'xanchor': 'left'},
         showlegend=True,
         dragmode='zoom',
-        hoverlabel={'font': {'family': FONT}},
+        hoverlabel={'font': {'family': _FONT}},
     )
-    axis = {'gridcolor': GRID, 'zeroline': False, 'linecolor': GREY, 'showline': True}
+    axis = {'gridcolor': _GRID_COLOUR, 'zeroline': False, 'linecolor': GREY, 'showline': True}
     figure.update_xaxes(title={'text': x, 'standoff': 6}, **axis)
     figure.update_yaxes(title={'text': y, 'standoff': 4}, automargin=True, **axis)
     return figure

@@ -11,7 +11,7 @@ from nadrc_ros.report.marks import NumberedChanges, text_of
 from nadrc_ros.report.tables import comparable, shown
 
 # More runs are only counted in the title.
-NAMED = 3
+_MOST_NAMED = 3
 
 
 def title_of(runs: Mapping[str, RecordedRun]) -> str:
@@ -19,7 +19,7 @@ def title_of(runs: Mapping[str, RecordedRun]) -> str:
     names = list(runs)
     if len(names) == 1:
         return f'Run {names[0]}'
-    if len(names) > NAMED:
+    if len(names) > _MOST_NAMED:
         return f'{len(names)} runs compared'
     return f'{", ".join(names[:-1])} and {names[-1]} compared'
 

@@ -13,7 +13,7 @@ from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
 from nadrc_ros.report.markup import table
 import numpy as np
 
-ROWS = (
+FIGURES = (
     ('itae', 'ITAE', 'integral of t |e|'),
     ('isu', 'ISU', 'integral of u²'),
     ('iae', 'IAE', 'integral of |e|'),
@@ -25,10 +25,10 @@ ROWS = (
     ('saturated_fraction', 'saturated', 'share of the time'),
 )
 # More changes are counted, not listed.
-LISTED = 200
-MISSING = '–'
+MOST_LISTED = 200
+_MISSING = '–'
 # Parameters named by topics, which differ between namespaces anyway.
-WIRING = 'qos_overrides.'
+_WIRING = 'qos_overrides.'
 
 
 def wins(value: float, values: Sequence[float]) -> bool:
@@ -53,10 +53,10 @@ def comparable(runs: Mapping[str, RecordedRun]) -> bool:
 def figures_of_merit(runs: Mapping[str, RecordedRun]) -> str:
     """Return a row for each figure; the lowest in bold, all digits where the pointer rests."""
     rows = []
-    for key, label, meaning in ROWS:
+    for key, label, meaning in FIGURES:
         values = [run.figure_of_merit(key) for run in runs.values()]
         known = [value for value in values if value is not None] if comparable(runs) else []
-        cells = [MISSING if v is None else _figure(key, v, known) for v in values]
+        cells = [_MISSING if v is None else _figure(key, v, known) for v in values]
         rows.append([_labelled(f'<b>{label}</b>', meaning), *cells])
     rows += _counted(runs)
     return table(['', *map(escape, runs)], rows)
@@ -83,7 +83,7 @@ def _counted(runs: Mapping[str, RecordedRun]) -> list[list[str]]:
 
 
 def _count(value: object) -> str:
-    return str(value) if isinstance(value, int) else MISSING
+    return str(value) if isinstance(value, int) else _MISSING
 
 
 def changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
@@ -103,7 +103,7 @@ def changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
         for change, names in moment.changes
     ]
     header = ['mark', 'time', *(['run'] if several else []), 'node', 'parameter', 'from', 'to']
-    return table(header, rows[:LISTED], words=range(len(header)))
+    return table(header, rows[:MOST_LISTED], words=range(len(header)))
 
 
 def events(runs: Mapping[str, RecordedRun]) -> str:
@@ -125,7 +125,7 @@ def events(runs: Mapping[str, RecordedRun]) -> str:
         for time, name, event in sorted(found, key=lambda each: each[0])
     ]
     header = ['time', *(['run'] if several else []), 'node', 'event']
-    return table(header, rows[:LISTED], words=range(len(header))) if rows else ''
+    return table(header, rows[:MOST_LISTED], words=range(len(header))) if rows else ''
 
 
 def _with_ends(events: Sequence[Event]) -> list[Event]:
@@ -145,7 +145,7 @@ def timing(columns: Mapping[str, Array]) -> str:
     rows = []
     for name, values in columns.items():
         found = [np.median(values), np.quantile(values, 0.99), values.max()] if values.size else []
-        cells = [f'{1e3 * value:.3f}' for value in found] or [MISSING] * 3
+        cells = [f'{1e3 * value:.3f}' for value in found] or [_MISSING] * 3
         rows.append([escape(name), str(values.size), *cells])
     return table(['', 'samples', 'median [ms]', '99 % [ms]', 'largest [ms]'], rows)
 
@@ -162,8 +162,8 @@ def parameters(runs: Mapping[str, RecordedRun], different: bool) -> str:
     }
     rows = []
     for node, name in dict.fromkeys(key for values in found.values() for key in values):
-        cells = [values.get((node, name), MISSING) for values in found.values()]
-        if not different or (len(set(cells)) > 1 and not name.startswith(WIRING)):
+        cells = [values.get((node, name), _MISSING) for values in found.values()]
+        if not different or (len(set(cells)) > 1 and not name.startswith(_WIRING)):
             rows.append([escape(node), escape(name), *map(escape, cells)])
     header = ['node', 'parameter', *map(escape, runs)]
     return table(header, rows, words=range(len(header))) if rows else ''
@@ -173,7 +173,7 @@ def origin(runs: Mapping[str, RecordedRun]) -> str:
     """Return where each run was read from, when it was started, and by what versions."""
     found = {name: _origin(run) for name, run in runs.items()}
     rows = [
-        [escape(key), *(escape(values.get(key, MISSING)) for values in found.values())]
+        [escape(key), *(escape(values.get(key, _MISSING)) for values in found.values())]
         for key in dict.fromkeys(key for values in found.values() for key in values)
     ]
     return table(['', *map(escape, runs)], rows, words=range(1 + len(runs)))

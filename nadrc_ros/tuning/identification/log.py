@@ -7,7 +7,7 @@ from math import ceil, floor
 
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RecordingError
-from nadrc_ros.records.spacing import GAP
+from nadrc_ros.records.spacing import GAP_SPACINGS
 from nadrc_ros.tuning.identification.motion import noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Log
 import numpy as np
@@ -102,7 +102,7 @@ def _filled(values: Array) -> Array:
 
 def _remedy(time: Array, place: Array) -> str:
     """Propose the longest part without gaps, if it is long enough, else another recording."""
-    ends = np.append(np.flatnonzero(np.diff(place) > GAP), len(place) - 1)
+    ends = np.append(np.flatnonzero(np.diff(place) > GAP_SPACINGS), len(place) - 1)
     starts = np.append(0, ends[:-1] + 1)
     longest = int(np.argmax(place[ends] - place[starts]))
     first, last = starts[longest], ends[longest]
