@@ -16,11 +16,10 @@ from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.pacing import PacingSettings, Ticker
 from nadrc_ros.ros.parameter_files import refuse_unheard
 from nadrc_ros.ros.parameters import (
-    name_odd_type,
     ParameterGroup,
     refuse_unknown,
     refuse_unknown_types,
-    refuse_unsettable,
+    set_atomically,
 )
 from nadrc_ros.ros.topics import Input, Receive, receive, Sender
 from rclpy.context import Context
@@ -204,10 +203,7 @@ class LiveNode(Node):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> Any:
         """Set all or none; what is refused is always named."""
-        result = refuse_unsettable(self, parameter_list)
-        if result is None:
-            result = super().set_parameters_atomically(parameter_list)
-            result = name_odd_type(self, parameter_list, result)
+        result = set_atomically(self, parameter_list, super().set_parameters_atomically)
         if not result.successful:
             self.events.tell('refused', result.reason)
         return result

@@ -181,8 +181,8 @@ class Ticker:
         """
         Count a period; return the time [s] and the periods since the last one.
 
-        It is counted against the clock, in which a late tick and an early one are no missed
-        period.
+        It is counted against the clock since the beginning and not against the last tick: one
+        that is early by 0.4 periods and the next one late by as much are no missed period.
         """
         now = self.now()
         elapsed = (now - self._last) * 1e-9 if self.periods else self._period
@@ -202,8 +202,15 @@ class SampleTicker(Ticker):
 
     A timer that fired in each period, or was put off by each sample, would wake two threads for
     nothing, which costs as much as the law. So a slow one looks whether samples still come, and
-    the fast one runs in silence only. A period is missed when a sample was lost, or the look was
-    late.
+    the fast one runs in silence only.
+
+    A period is missed when a sample was lost, or when this process stood still. Both are told
+    twice, by publication numbers that do not go on and by a look that comes late, in either order,
+    and must count once: ``periods + missed`` is the time that passed. After a stall of ten periods
+    the look comes first and counts ten; the next sample may be one from before it, and only the
+    one after that tells by its number of the nine in between. So ``_late`` holds what a look
+    counted until the numbers of up to one more look have told of it, and ``_lost`` what numbers
+    counted since the last look.
     """
 
     def __init__(self, node: Node, timer: SharedTimer, tick: Callable[[float, int], None]) -> None:
@@ -225,7 +232,7 @@ class SampleTicker(Ticker):
         """Count a period for the sample with this publication number."""
         lost = self._losses.before(number)
         self._lost += lost
-        known = min(lost, self._late)  # the first sample after a stall may be one from before
+        known = min(lost, self._late)
         self._late -= known
         self.missed += lost - known
         self._heard = self._last = self.now()
@@ -242,7 +249,6 @@ class SampleTicker(Ticker):
         self._due = now + self._look_timer.timer_period_ns
         if not self._timer.is_canceled():  # that one counts
             return
-        # What a stall lost is told by the look or by the next number, whichever comes first.
         missed = max(0, int(late * 1e-9 / self._period) - self._lost)
         self.missed += missed
         if missed or not self._was_late:  # the number may come after one more look

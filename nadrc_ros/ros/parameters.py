@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -41,24 +42,10 @@ _FOREIGN = ('use_sim_time', _QOS, 'start_type_description_service')
 
 class ParameterGroup(Generic[T]):
     """
-    Some parameters of a node that together make one validated object.
+    Some parameters of a node, by what is known of each, that together make one validated object.
 
-    Parameters
-    ----------
-    node
-        The node that declares them.
-    fields
-        What is known of each parameter, by name.
-    make
-        Makes the object from all values; raises :class:`SettingError` for a set it refuses.
-    on_change
-        Called with the new object after an accepted change.
-
-    Raises
-    ------
-    SettingError
-        When the values the node was started with are refused.
-
+    ``make`` makes the object from all values, or raises :class:`SettingError` for a set that it
+    refuses, at the start too; ``on_change`` is called with the new object after a change.
     """
 
     def __init__(
@@ -95,27 +82,27 @@ class ParameterGroup(Generic[T]):
             self._on_change(self.value)
 
 
-def refuse_unsettable(node: Node, parameters: Iterable[Parameter]) -> SetParametersResult | None:
+def set_atomically(
+    node: Node,
+    parameters: list[Parameter],
+    proceed: Callable[[list[Parameter]], SetParametersResult],
+) -> SetParametersResult:
     """
-    Return the refusal of a parameter that is not there, which rclpy's own does not name.
+    Set all parameters or none, naming what is refused where rclpy, which proceeds, does not.
 
-    And of another clock than the one that timers and stamps were made for.
+    That is a parameter that is not there, one of a wrong type, and another clock than the one that
+    timers and stamps were made for.
     """
     for p in parameters:
+        allowed = ''
         if not node.has_parameter(p.name):
-            error = SettingError(p.name, p.value, _known(node, p.name))
+            allowed = _known(node, p.name)
+        elif p.name == 'use_sim_time' and p.value != node.get_parameter(p.name).value:
+            allowed = f'{node.get_parameter(p.name).value}: it is fixed at start'
+        if allowed:
+            error = SettingError(p.name, p.value, allowed)
             return SetParametersResult(successful=False, reason=str(error))
-        now = node.get_parameter(p.name).value
-        if p.name == 'use_sim_time' and p.value != now:
-            error = SettingError(p.name, p.value, f'{now}: it is fixed at start')
-            return SetParametersResult(successful=False, reason=str(error))
-    return None
-
-
-def name_odd_type(
-    node: Node, parameters: Iterable[Parameter], result: SetParametersResult
-) -> SetParametersResult:
-    """Name the parameter in the refusal of a wrong type, which rclpy leaves nameless."""
+    result = proceed(parameters)
     for p in parameters:
         if p.name in result.reason:
             break
@@ -147,25 +134,21 @@ def refuse_unknown_types(node: Node) -> None:
     """Refuse requests to set a value of a type that does not exist; rclpy would end the node."""
     for service in node.services:
         if service.srv_type in (SetParameters, SetParametersAtomically):
-            service.callback = _with_known_types(service.callback)
+            service.callback = partial(_set_known_types, service.callback)
 
 
-def _with_known_types(callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _set_known_types(callback: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
     known = {kind.value for kind in Parameter.Type}
-
-    def call(request: Any, response: Any) -> Any:
-        for p in request.parameters:
-            if p.value.type not in known:
-                reason = f'{p.name}: {p.value.type} is not a type of parameters'
-                refusal = SetParametersResult(successful=False, reason=reason)
-                if isinstance(response, SetParametersAtomically.Response):
-                    response.result = refusal
-                else:
-                    response.results = [refusal] * len(request.parameters)
-                return response
-        return callback(request, response)
-
-    return call
+    for p in request.parameters:
+        if p.value.type not in known:
+            reason = f'{p.name}: {p.value.type} is not a type of parameters'
+            refusal = SetParametersResult(successful=False, reason=reason)
+            if isinstance(response, SetParametersAtomically.Response):
+                response.result = refusal
+            else:
+                response.results = [refusal] * len(request.parameters)
+            return response
+    return callback(request, response)
 
 
 def refuse_unknown(node: Node, elsewhere: Iterable[str] = ()) -> None:
@@ -233,12 +216,13 @@ def _describe(field: Declared) -> ParameterDescriptor:
         additional_constraints=field.allowed(),
         read_only=not field.live,
     )
-    if field.kind == 'number' and field.low is not None and field.high is not None:
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=field.low, to_value=field.high, step=0.0)
-        ]
-    if field.kind == 'integer' and field.low is not None and field.high is not None:
-        descriptor.integer_range = [
-            IntegerRange(from_value=int(field.low), to_value=int(field.high), step=1)
-        ]
+    low, high = field.low, field.high
+    if low is None or high is None:
+        return descriptor
+    if field.kind == 'number':
+        floats = FloatingPointRange(from_value=low, to_value=high, step=0.0)
+        descriptor.floating_point_range = [floats]
+    elif field.kind == 'integer':
+        integers = IntegerRange(from_value=int(low), to_value=int(high), step=1)
+        descriptor.integer_range = [integers]
     return descriptor

@@ -138,7 +138,7 @@ def stop_signals() -> list[int]:
     return ends
 
 
-def spin_until(executor: Executor, node: Node, over: Callable[[], object]) -> None:
+def spin_until_over(executor: Executor, node: Node, over: Callable[[], object]) -> None:
     """
     Run callbacks until ``over()``, which is looked at every _POLL seconds.
 
@@ -230,7 +230,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     gc.freeze()  # a full collection in mid-run would stop the loop for milliseconds
     code = 0
     try:
-        spin_until(executor, nodes[0], lambda: signals or _over(nodes))
+        spin_until_over(executor, nodes[0], lambda: signals or _over(nodes))
         end = _begin_stop(nodes)
         ramped = time.monotonic() + _STOP_TIME
         while not all(node.stopped for node in nodes) and time.monotonic() < ramped:

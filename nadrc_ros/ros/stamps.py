@@ -8,32 +8,36 @@ import time
 from nadrc_ros.ros.topics import Info
 
 # A source stamp this far after the receipt is from the future: clocks of one machine agree better.
-FUTURE = 1_000_000
+_FUTURE = 1_000_000
 # A source stamp this far back is a jump of its clock, or a publisher on another machine.
-JUMP = 100_000_000
+_JUMP = 100_000_000
 # So is a sample that took less time than it can, by this or by some periods.
-EARLY = 10_000_000
-EARLY_PERIODS = 5
+_EARLY, _EARLY_PERIODS = 10_000_000, 5
 # The clocks of two machines drift apart by no more than that, but when one is being corrected.
-DRIFT = 1e-4
+_DRIFT = 1e-4
 # A first sample may be late: for so long, and so many more, how early it could be here counts too.
-LEARN = 1_000_000_000
+_LEARN = 1_000_000_000
 # Two clocks are read so often until nothing comes between, or nothing has changed [ns].
-TRIES, APART = 5, 50_000
+_TRIES, _APART = 5, 50_000
 # So many samples tell by how much they are late.
-FEW = 20
+_FEW = 20
 # More publishers of one topic are not told apart.
-PUBLISHERS = 8
+_PUBLISHERS = 8
 
 
 class SampleTimes:
     """
     Gives the time that each sample spans, and counts what is wrong with stamps.
 
-    The source stamp is free of transport jitter and is used where plausible. Where it comes from
-    the future, or jumps although the publication numbers go on, the receipts are used. A sample
-    whose number does not go on is a duplicate or out of order: its span is not positive, and the
-    law refuses it. After a backward step of simulated time the span of one sample is 0.
+    The source stamp is free of transport jitter and is used where plausible: not where it comes
+    from the future, nor where it jumps although the publication numbers go on. A sample whose
+    number does not go on is a duplicate or out of order: its span is not positive, and the law
+    refuses it. After a backward step of simulated time the span of one sample is 0.
+
+    Two things hold whatever the stamps say. The positive spans add up to the time that passed,
+    but for what one sample may be late: observers that were told too little lag for good. And a
+    span that is not positive leaves all as it was: an old sample that was repeated must not make
+    the next good one span its age.
 
     Parameters
     ----------
@@ -60,7 +64,7 @@ class SampleTimes:
         self.clock_jumps = 0
         self.out_of_order = 0
         self.late = self.spacing = 0.0
-        self._early = max(EARLY, int(EARLY_PERIODS * period * 1e9))
+        self._early = max(_EARLY, int(_EARLY_PERIODS * period * 1e9))
         # From stamp to receipt [ns], with the difference of their clocks: the least so far, and
         # until when it is at least what it is on a machine with our clock.
         self._least_delay = self._bound = self._bound_until = self._learnt = 0
@@ -84,7 +88,7 @@ class SampleTimes:
         received = info['received_timestamp']
         stamp = info['source_timestamp']
         number = info['publication_sequence_number']
-        if stamp > received + FUTURE:
+        if stamp > received + _FUTURE:
             self.from_future += 1
             stamp = received
         seen, self._seen = self._seen, number
@@ -97,12 +101,17 @@ class SampleTimes:
             source = receipt
         if number is not None and number <= (self._last[2] or 0):
             self.out_of_order += 1
-        goes_on = _follows(number, seen, self._last[2], source < -JUMP)
+        # Set back: the stamp is older and the number newer. A stamp alone does not tell that from
+        # a sample that was overtaken, and a number alone not from a publisher that was restarted.
+        goes_on = _follows(number, seen, self._last[2], source < -_JUMP)
         backward = source <= 0 if self._stamped else source < 0
-        # A stall makes a sample late and the next one less so; none comes earlier than it can.
-        drift = int(DRIFT * max(0, receipt))
+        # Set forward: it came sooner after its stamp than any sample can. How much later it came
+        # than the one before tells nothing, as a stall makes one late and the next less so: the
+        # least delay so far counts, which drifts with the clocks and may itself be of a stall, so
+        # that for a while the delay there would be on this machine counts too.
+        drift = int(_DRIFT * max(0, receipt))
         least = self._least_delay
-        if now < self._bound_until or self._learnt < FEW:
+        if now < self._bound_until or self._learnt < _FEW:
             least = min(least, self._bound)
         early = least - (now - stamp) > self._early + drift
         if (early and self._stamped) or (goes_on and backward):
@@ -122,7 +131,7 @@ class SampleTimes:
         """Begin with the delay of a sample that may be late already."""
         self._least_delay = now - stamp
         self._bound = now - max(stamp, self._wall())
-        self._bound_until = now + max(LEARN, self._early)
+        self._bound_until = now + max(_LEARN, self._early)
         self._learnt = 0
 
 
@@ -138,12 +147,7 @@ class Offset:
     How far the wall clock is ahead of the steady one, as read where nothing interrupted that.
 
     It is the same number until the clocks have moved apart, so that samples keep their order.
-
-    Parameters
-    ----------
-    wall, steady
-        The clocks [ns].
-
+    Both clocks are in ns.
     """
 
     def __init__(
@@ -155,12 +159,12 @@ class Offset:
 
     def __call__(self) -> int:
         """Return the offset [ns]."""
-        for _ in range(TRIES):
+        for _ in range(_TRIES):
             before = self._steady()
             ahead = self._wall() - before
-            if abs(ahead - self._ahead) <= APART:
+            if abs(ahead - self._ahead) <= _APART:
                 break
-            if self._steady() - before <= APART:
+            if self._steady() - before <= _APART:
                 self._ahead = ahead
                 break
         return self._ahead
@@ -177,16 +181,8 @@ class Departures:
     clocks drift. So a step of a clock moves no sample by more than what it is late. Without a
     stamp a sample left when it came.
 
-    Parameters
-    ----------
-    offset
-        How far the clock of stamps on this machine is ahead of the steady one [ns].
-
-    Attributes
-    ----------
-    clock_jumps
-        How often the clock of the publisher turned out to be another one than it was.
-
+    ``offset`` tells how far the clock of stamps on this machine is ahead of the steady one [ns];
+    ``clock_jumps`` counts how often the clock of the publisher turned out to be another one.
     """
 
     def __init__(self, offset: Callable[[], int]) -> None:
@@ -205,11 +201,11 @@ class Departures:
         delay = now + self._offset() - stamp - self._behind
         last, self._last = self._last, (stamp, number)
         if last is None:
-            another = delay > JUMP
+            another = delay > _JUMP
         else:
             follows = number is None or last[1] is None or number > last[1]
-            another = follows and stamp < last[0] - JUMP
-        if another or delay < -FUTURE:
+            another = follows and stamp < last[0] - _JUMP
+        if another or delay < -_FUTURE:
             self.clock_jumps += last is not None
             self._behind += delay
             delay = self._count = 0
@@ -222,8 +218,8 @@ class Departures:
             self._least, self._since = delay, now
         self._count += 1
         self._least = min(self._least, delay)
-        if self._count >= FEW and now - self._since >= LEARN:
-            if self._behind or self._least > JUMP:
+        if self._count >= _FEW and now - self._since >= _LEARN:
+            if self._behind or self._least > _JUMP:
                 self._behind += self._least
             self._count = 0
 
@@ -252,5 +248,5 @@ class Losses:
         previous = max(known, default=number - 1)
         if known:
             self._last.remove(previous)
-        self._last = [*self._last, number][-PUBLISHERS:]
+        self._last = [*self._last, number][-_PUBLISHERS:]
         return number - previous - 1
