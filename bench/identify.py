@@ -3,43 +3,51 @@ How often the 95 % interval of `nadrc identify` holds the true b0, over many noi
 
     python -m bench.identify
 
-Four plants in closed loop, each with noise and a disturbance, simulated with 100 seeds, written
-as the recorder writes and read as the command reads: the paper's (26) with a gain that varies by
-20 %, a chain of order 3 with damping, a motor whose current lags and whose load steps, and a
-pendulum that goes upright and is pushed. The order is given, but for the first seeds: there it is
-found, too. Then the plants of :mod:`bench.other_plants` with 12 seeds, with the order open and
-with it given. An order that is not the plant's counts as an interval that does not hold the truth.
+Four plants of the package in closed loop, each with noise and a disturbance, written as the
+recorder writes and read as the command reads: the paper's (26) with a gain that varies by 20 %, a
+chain of order 3 with damping, a motor whose current lags and whose load steps, and a pendulum
+that goes upright and is pushed. Then the plants of :mod:`bench.other_plants`. Each log is tried
+with the order given and with the order open. An order that is not the plant's counts as an
+interval that does not hold the truth.
 
-Keys: ``identify.<plant>.covered`` share of intervals that hold the truth, ``.width`` the widest
-half interval over its estimate, ``.bias`` mean of the estimates over the truth minus 1,
-``.scatter`` their standard deviation over the truth, ``.order`` share of orders found right;
-``identify_others.<plant>.open_held`` and ``.given_held`` intervals that hold the truth,
-``.open``, ``.given`` answers, ``.width`` half the seeds have a narrower half interval.
-Samples: estimate, standard error and order of each seed, by plant.
+One rule says what is true of all: the b0 of order n is the factor of u in
+tau y^(n+1) + y^(n) = b0 u + ..., with a lag tau or without. A plant of the package declares it.
+
+Keys: ``identify.<plant>.given_answers`` logs that were not refused, ``.given_held`` intervals
+that hold the truth, ``.given_width`` median of the half intervals over their estimates [%],
+``.given_widest`` the largest, ``.given_bias`` mean of the estimates over the truth minus 1 [%],
+``.given_scatter`` their standard deviation over the truth [%]; ``.open_...`` the same with the
+order open. Samples: seed, estimate, standard error and order of each answer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from math import nan
 from pathlib import Path
 import re
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import attrs
+from bench.logs import Case
 from bench.other_plants import CASES
 from bench.results import save, show
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.read_run import read_run
+from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
+from nadrc_ros.tuning.identification.estimate import Z95
 from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import log_of
 import numpy as np
 
-SEEDS, ORDER_SEEDS, OTHER_SEEDS = 100, 10, 12
+SEEDS = 12
+ORDERS = ('given', 'open')
 COLUMNS = ('time', 'reference', 'measurement', 'command', 'output')
 PAPER = """
 plant: {name: paper, a3: 0.2}
@@ -80,15 +88,29 @@ NESTED = attrs.evolve(
     controller_bandwidth=5.0,
     feedback_level='inner',
 )
-Found = tuple[float, float, int]
 
 
-def scenarios() -> dict[str, Scenario]:
-    texts = {'paper': PAPER, 'chain': CHAIN, 'motor': MOTOR}
-    return {
-        **{name: loads(text) for name, text in texts.items()},
-        'pendulum': attrs.evolve(PENDULUM, controllers={'nested': NESTED}),
-    }
+@attrs.frozen
+class Shipped:
+    """An experiment with a plant of the package, whose b0 is the one that it declares."""
+
+    scenario: Scenario
+
+    @property
+    def order(self) -> int:
+        """Return the order by which the plant is known."""
+        return self.scenario.plant.make().order
+
+    @property
+    def b0(self) -> dict[int, float]:
+        """Return the true gain by the order that is true."""
+        plant: Any = self.scenario.plant.make()
+        return {plant.order: plant.b0}
+
+    def log(self, seed: int) -> RecordedRun:
+        """Return what the recorder would have written."""
+        with TemporaryDirectory() as directory:
+            return read_run(record(self.scenario.changed(seed=seed), Path(directory)))
 
 
 def record(scenario: Scenario, directory: Path) -> Path:
@@ -101,99 +123,105 @@ def record(scenario: Scenario, directory: Path) -> Path:
     return folder.path
 
 
-def estimate(task: tuple[Scenario, int, bool]) -> Found:
-    scenario, seed, blind = task
-    order = None if blind else scenario.plant.make().order
-    with TemporaryDirectory() as directory:
-        run = read_run(record(scenario.changed(seed=seed), Path(directory)))
+PLANTS: dict[str, Shipped | Case] = {
+    'paper': Shipped(loads(PAPER)),
+    'chain': Shipped(loads(CHAIN)),
+    'motor': Shipped(loads(MOTOR)),
+    'pendulum': Shipped(attrs.evolve(PENDULUM, controllers={'nested': NESTED})),
+    **CASES,
+}
+
+
+@attrs.frozen(kw_only=True)
+class Answer:
+    """What is found of one log: b0, whether its interval holds the truth, or why nothing is."""
+
+    seed: int
+    b0: float = nan
+    error: float = nan
+    order: int = 0
+    held: bool = False
+    refusal: str = ''
+
+
+def answer(plant: Shipped | Case, seed: int, order: str) -> Answer:
+    """Return what is found of the log of one seed, with the order 'given' or 'open'."""
     try:
-        plant = identify(log_of(run), order)
-    except UserError:
-        return float('nan'), float('nan'), 0
-    return plant.b0.value, plant.b0.error, plant.order
+        found = identify(log_of(plant.log(seed)), plant.order if order == 'given' else None)
+    except UserError as refusal:
+        return Answer(seed=seed, refusal=str(refusal))
+    held = found.b0.low <= plant.b0.get(found.order, nan) <= found.b0.high
+    return Answer(seed=seed, b0=found.b0.value, error=found.b0.error, order=found.order, held=held)
 
 
-def figures(scenario: Scenario, found: list[Found], blind: int) -> dict[str, float]:
-    plant: Any = scenario.plant.make()
-    intervals = [(b0, 1.959964 * error) for b0, error, _ in found]
-    errors = [b0 / plant.b0 - 1.0 for b0, _ in intervals]
-    bias = sum(errors) / len(errors)
+def figures(plant: Shipped | Case, answers: Sequence[Answer]) -> dict[str, float]:
+    """Return the figures of one plant, its order given or open."""
+    given = [each for each in answers if not each.refusal]
+    right = [each for each in given if each.order in plant.b0]
+    widths = [100.0 * Z95 * each.error / abs(each.b0) for each in given] or [nan]
+    errors = [100.0 * (each.b0 / plant.b0[each.order] - 1.0) for each in right] or [nan]
     return {
-        'covered': sum(abs(b0 - plant.b0) <= half for b0, half in intervals) / len(found),
-        'width': max(half / abs(b0) for b0, half in intervals),
-        'bias': bias,
-        'scatter': (sum((e - bias) ** 2 for e in errors) / len(errors)) ** 0.5,
-        'order': sum(order == plant.order for _, _, order in found[:blind]) / blind,
+        'answers': len(given),
+        'held': sum(each.held for each in given),
+        'width': float(np.median(widths)),
+        'widest': max(widths),
+        'bias': float(np.mean(errors)),
+        'scatter': float(np.std(errors)),
     }
 
 
-def study(
-    cases: Mapping[str, Scenario], seeds: int = SEEDS, blind: int = ORDER_SEEDS
-) -> tuple[dict[str, dict[str, float]], dict[str, list[Found]]]:
-    """Return the figures of each plant, and the estimates of each seed."""
-    samples: dict[str, list[Found]] = {}
+def _named(task: tuple[str, int, str]) -> Answer:
+    name, seed, order = task
+    return answer(PLANTS[name], seed, order)
+
+
+def study(names: Iterable[str], seeds: int = SEEDS) -> dict[tuple[str, str], list[Answer]]:
+    """Return the answers of all seeds by plant and order, from as many processes as there are."""
+    parts = [(name, order) for name in names for order in ORDERS]
+    tasks = [(name, seed, order) for name, order in parts for seed in range(seeds)]
     with ProcessPoolExecutor() as executor:
-        for name, scenario in cases.items():
-            tasks = [(scenario, seed, seed < blind) for seed in range(seeds)]
-            samples[name] = list(executor.map(estimate, tasks))
-    return {name: figures(cases[name], found, blind) for name, found in samples.items()}, samples
+        answers = executor.map(_named, tasks)
+        return {part: [next(answers) for _ in range(seeds)] for part in parts}
 
 
-def try_other(task: tuple[str, int, bool]) -> Found | str:
-    """Return what is found of a plant that is not the package's, or why nothing is."""
-    name, seed, blind = task
-    try:
-        plant = identify(log_of(CASES[name].log(seed)), None if blind else CASES[name].order)
-    except UserError as refusal:
-        return str(refusal)
-    return plant.b0.value, plant.b0.error, plant.order
-
-
-def holds(name: str, found: Found) -> bool:
-    b0, error, order = found
-    return abs(b0 - CASES[name].b0.get(order, float('nan'))) <= 1.959964 * error
-
-
-def study_others(
-    names: Iterable[str], seeds: int = OTHER_SEEDS
-) -> tuple[dict[str, dict[str, float]], dict[str, list[Found]], dict[str, list[str]]]:
-    """Return figures and estimates by plant, and the reasons of refusals."""
-    rows: dict[str, dict[str, float]] = {}
-    samples: dict[str, list[Found]] = {}
-    reasons: dict[str, list[str]] = {}
-    with ProcessPoolExecutor() as executor:
-        for name in names:
-            row, half = {}, []
-            for kind in ('open', 'given'):
-                tasks = [(name, seed, kind == 'open') for seed in range(seeds)]
-                found = list(executor.map(try_other, tasks))
-                answers = [f for f in found if not isinstance(f, str)]
-                row[f'{kind}_held'] = float(sum(holds(name, f) for f in answers))
-                row[kind] = float(len(answers))
-                half += [1.959964 * error / abs(b0) for b0, error, _ in answers]
-                samples[f'{name}, {kind}'] = answers
-                reasons.setdefault(name, []).extend(f for f in found if isinstance(f, str))
-            rows[name] = row | {'width': float(np.median(half)) if half else float('nan')}
-    return rows, samples, reasons
-
-
-def main(seeds: int = SEEDS, other_seeds: int = OTHER_SEEDS, **where: Any) -> None:
-    found, samples = study(scenarios(), seeds)
-    save('identify', found, samples, **where)
-    show('identify', found, f'{seeds} seeds; width and bias relative to b0')
-    rows, others, reasons = study_others(CASES, other_seeds)
-    save('identify_others', rows, others, **where)
-    total = {key: sum(row[key] for row in rows.values()) for key in next(iter(rows.values()))}
-    share = [total[f'{kind}_held'] / total[kind] for kind in ('open', 'given')]
-    show(
-        'identify, plants it was not built on',
-        rows,
-        f'{other_seeds} seeds; held {100 * share[0]:.1f} % with the order open, '
-        f'{100 * share[1]:.1f} % with it given',
+def refusals(answers: Sequence[Answer]) -> str:
+    """Return how often which reason was given, without its numbers."""
+    reasons = Counter(
+        re.sub(r'[-+]?\d[\d.e+-]*', '..', each.refusal) for each in answers if each.refusal
     )
-    for name, said in reasons.items():
-        for reason in sorted({re.sub(r'[-+]?\d[\d.e+-]*', '..', text) for text in said}):
-            print(f'{name}: refused {len(said)} times: {reason}')
+    return '; '.join(f'{count} x {reason}' for reason, count in reasons.items())
+
+
+def main(names: Iterable[str] = PLANTS, seeds: int = SEEDS, **where: Any) -> None:
+    """Try all plants and print a row for each."""
+    found = study(names, seeds)
+    samples = {
+        f'{name}, {order}': [(a.seed, a.b0, a.error, a.order) for a in answers]
+        for (name, order), answers in found.items()
+    }
+    rows: dict[str, dict[str, float]] = {}
+    for (name, order), answers in found.items():
+        own = figures(PLANTS[name], answers).items()
+        rows.setdefault(name, {}).update({f'{order}_{key}': value for key, value in own})
+    save('identify', rows, samples, **where)
+    for order in ORDERS:
+        table = {
+            name: {key: row[f'{order}_{key}'] for key in ('answers', 'held', 'width', 'bias')}
+            for name, row in rows.items()
+        }
+        held, total = (
+            int(sum(row[f'{order}_{key}'] for row in rows.values())) for key in ('held', 'answers')
+        )
+        show(
+            f'identify, the order {order}',
+            table,
+            f'{held} of {total} intervals hold the truth ({100.0 * held / max(total, 1):.1f} %); '
+            f'{seeds} seeds each; median half width and bias in % of b0',
+        )
+        for name in rows:
+            if said := refusals(found[name, order]):
+                print(f'{name}: refused {said}')
+        print()
 
 
 if __name__ == '__main__':

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.identify import study_others
+from bench.identify import figures, refusals, study
 from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.tuning.identification.candidates import is_lag
@@ -159,9 +159,10 @@ def test_the_way_is_told_where_noise_leaves_it() -> None:
 
 
 def test_the_bench_counts_intervals_and_names_refusals() -> None:
-    names = ['tank, open loop', 'standing reference']
-    rows, samples, reasons = study_others(names, seeds=1)
-    assert rows['tank, open loop']['open_held'] == rows['tank, open loop']['given'] == 1.0
-    assert rows['standing reference']['open'] == 0.0
-    assert len(reasons['standing reference']) == 2 and not reasons['tank, open loop']
-    assert len(samples['tank, open loop, given']) == 1
+    names = ('tank, open loop', 'standing reference')
+    found = study(names, seeds=1)
+    for order in ('given', 'open'):
+        tank, standing = (figures(CASES[name], found[name, order]) for name in names)
+        assert tank['held'] == tank['answers'] == 1 and not refusals(found[names[0], order])
+        assert standing['answers'] == 0
+        assert refusals(found[names[1], order]).startswith('1 x the reference stands at ..')

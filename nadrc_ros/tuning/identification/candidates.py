@@ -59,6 +59,14 @@ def explored(log: Log, orders: Sequence[int]) -> tuple[Log, dict[int, Suggestion
     return attrs.evolve(log, lead=room_for(longest) if longest else 0), found
 
 
+def with_all_rows(log: Log, fit: Fit) -> Log:
+    """Return the log with the rows that only models with a longer delay had to leave out."""
+    if not fit.form.delayed:
+        return attrs.evolve(log, lead=0)
+    periods = round(float(fit.parameters[fit.form.order]) / log.h)
+    return attrs.evolve(log, lead=min(log.lead, room_for(periods)))
+
+
 def room_for(periods: int) -> int:
     """Return how many rows a delay about that long may need."""
     return periods + periods // 8 + ROOM

@@ -16,7 +16,14 @@ The estimate of b0 from closed-loop data, and an interval that stays honest.
 from __future__ import annotations
 
 import attrs
-from nadrc_ros.tuning.identification.fit import bounds, Fit, innovations_of, TINY, units
+from nadrc_ros.tuning.identification.fit import (
+    bounds,
+    eliminated,
+    Fit,
+    innovations_of,
+    TINY,
+    units,
+)
 from nadrc_ros.tuning.identification.instruments import answers, outside_space
 from nadrc_ros.tuning.identification.predictor import Array, filtered, Form, Log
 import numpy as np
@@ -59,7 +66,8 @@ def refine(log: Log, fit: Fit) -> tuple[Fit, list[Estimate]]:
     form, unit = fit.form, units(fit.form, fit.bandwidth, log.h)
     instruments = outside_space(log, form, fit.bandwidth, is_open(log, fit))
     low, high = bounds(log, form)
-    parameters, linear = fit.parameters.copy(), np.append(fit.gain, fit.rest)
+    parameters = fit.parameters
+    linear = eliminated(log, form, parameters, fit.bandwidth)[1]
     space = None
     for last in range(ITERATIONS + 1):
         e, slopes = _slopes(log, form, parameters, linear, fit.bandwidth, unit)

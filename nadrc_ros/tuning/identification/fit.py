@@ -64,14 +64,14 @@ def fit_direct(
     scale = float(np.std(np.diff(log.measurement))) or 1.0
 
     def innovations(theta: Array) -> Array:
-        return _eliminated(log, form, theta[:-1] * unit, start * np.exp(theta[-1]))[0] / scale
+        return eliminated(log, form, theta[:-1] * unit, start * np.exp(theta[-1]))[0] / scale
 
     theta = np.clip(np.append(first, 0.0), low, high)
     found = least_squares(
         innovations, theta, bounds=(low, high), ftol=1e-5, xtol=1e-5, gtol=1e-7, max_nfev=rounds
     )
     parameters, bandwidth = found.x[:-1] * unit, float(start * np.exp(found.x[-1]))
-    e, linear = _eliminated(log, form, parameters, bandwidth)
+    e, linear = eliminated(log, form, parameters, bandwidth)
     return Fit(
         form=form,
         bandwidth=bandwidth,
@@ -122,7 +122,7 @@ def bounds(log: Log, form: Form) -> tuple[Array, Array]:
     return np.append(-fastest, shortest), np.append(fastest, np.array(longest) * log.h)
 
 
-def _eliminated(log: Log, form: Form, parameters: Array, bandwidth: float) -> tuple[Array, Array]:
+def eliminated(log: Log, form: Form, parameters: Array, bandwidth: float) -> tuple[Array, Array]:
     """Return the innovations with the best linear parameters, and those."""
     output, command, rest = filtered(log, form, parameters, bandwidth)
     columns = np.column_stack((command, rest))

@@ -20,6 +20,7 @@ from nadrc_ros.tuning.identification.candidates import (
     candidates,
     explored,
     simplest,
+    with_all_rows,
     with_ways,
 )
 from nadrc_ros.tuning.identification.estimate import Estimate, is_open, refine, Z95
@@ -118,14 +119,13 @@ def identify(log: Log, order: int | None = None) -> Plant:
             f'the reference stands at {log.reference[0]:g}: what the command does cannot be told '
             f'from what the disturbance does that it answers: {ADVICE}'
         )
+    log = with_all_rows(log, chosen)
     asked = ADVICE if order else f'give --order if you know it, or {ADVICE}'
     refined, estimates = in_the_best_band(log, chosen, asked)
     b0, late = estimates[0], chosen.form.late
     if chosen.form.dry:
         b0 = however_it_turns(log, refined, b0)
     b0 = or_dry(log, chosen, fits, b0)
-    if chosen.form.lagging:
-        b0 = in_series(b0, refined)
     if not b0.half_width <= WIDEST:
         raise RecordingError(
             f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command moves too little '
@@ -204,8 +204,8 @@ def or_dry(log: Log, chosen: Fit, fits: Sequence[Fit], b0: Estimate) -> Estimate
     """
     low, high = b0.low, b0.high
     for fit in fits:
-        same = (fit.form.order, fit.form.late) == (chosen.form.order, chosen.form.late)
-        if not same or fit.form.dry in ('', chosen.form.dry):
+        other = attrs.evolve(chosen.form, dry=fit.form.dry)
+        if fit.form != other or fit.form.dry in ('', chosen.form.dry):
             continue
         if fit.innovation <= TENABLE * chosen.innovation:
             other = refine(log, fit)[1][0]
@@ -221,26 +221,6 @@ def total(parts: Sequence[Estimate]) -> Estimate | None:
     return Estimate(
         value=sum(part.value for part in parts),
         error=float(np.linalg.norm([part.error for part in parts])),
-    )
-
-
-def in_series(b0: Estimate, fit: Fit) -> Estimate:
-    """
-    Return b0 with an interval for either meaning of a lag.
-
-    tau y^(n+1) + y^(n) = b0 u + a . y with the poles of a motor, or those of a plant behind an
-    actuator: (tau s + 1) (s^n - a) y = b0 u. They differ by about a_(n-1) tau, and no log can tell
-    which is meant.
-    """
-    n = fit.form.order
-    a, tau = fit.parameters[:n], fit.parameters[-1]
-    roots = np.roots(np.concatenate(([tau, 1.0], -a[::-1])))
-    fastest = roots[np.argmax(np.abs(roots))]
-    if fastest.imag or not fastest.real < 0.0:
-        return b0
-    other = b0.value * (-1.0 / fastest.real) / tau
-    return Estimate(
-        value=0.5 * (b0.value + other), error=b0.error + 0.5 * abs(other - b0.value) / Z95
     )
 
 

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from scipy.stats import spearmanr
 
 # Poles of the instruments, relative to the noise bandwidth, and how many of each.
-POLES, STAGES = (0.1, 0.3, 1.0), 3
+POLES, STAGES = (0.1, 0.3, 1.0), 5
 # How many past changes make the habit of a command, and in how many rows it may answer.
 HABIT, ROWS_LATE = 6, 4
 # Changes of the command below that part of the largest are none, and so many must be.
