@@ -26,7 +26,13 @@ def settling(gain: float, time: float, ambient: float = 0.0, **experiment: Any) 
 
 def axis(gain: float, damping: float, friction: float = 0.0, **experiment: Any) -> Case:
     """Return an experiment with a mass: y'' = gain u - damping y' - friction sign(y') + d."""
-    usual = {'h': 0.01, 'seconds': 30.0, 'start': (0.0, 0.0), 'noise': 0.001, 'disturbance': 0.3}
+    usual: dict[str, Any] = {
+        'h': 0.01,
+        'seconds': 30.0,
+        'start': (0.0, 0.0),
+        'noise': 0.001,
+        'disturbance': 0.3,
+    }
     return Case(
         b0={2: gain},
         slope=lambda x, u, d: [

@@ -204,8 +204,8 @@ def or_dry(log: Log, chosen: Fit, fits: Sequence[Fit], b0: Estimate) -> Estimate
     """
     low, high = b0.low, b0.high
     for fit in fits:
-        other = attrs.evolve(chosen.form, dry=fit.form.dry)
-        if fit.form != other or fit.form.dry in ('', chosen.form.dry):
+        same = fit.form == attrs.evolve(chosen.form, dry=fit.form.dry)
+        if not same or fit.form.dry in ('', chosen.form.dry):
             continue
         if fit.innovation <= TENABLE * chosen.innovation:
             other = refine(log, fit)[1][0]
