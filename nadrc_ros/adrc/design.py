@@ -23,7 +23,8 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     With n the plant order, m the extended states, N = n + m and K the levels: ``bandwidths`` (K,)
     [rad/s], ``reach`` (K,) how many previous disturbance estimates enter each level's input,
     ``cancelled`` how many the command subtracts, ``gain_matrix`` (N, N) that of ``gains`` times
-    ``gain_factor``, ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted from 0.
+    ``observer_gain_factor``, ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted
+    from 0.
     """
 
     order: int
@@ -39,7 +40,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     startup_time: float
     equal_poles: bool
     pole_ratios: list[float]
-    gain_factor: float
+    observer_gain_factor: float
     gain_matrix: Matrix
     error_based: bool
     no_reference: list[float]
@@ -48,7 +49,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     controller_bandwidth: float
     feedback_gains: list[float]
     exponents: list[float]
-    delta: float
+    fal_delta: float
     feedback_level: int
     command_min: float
     command_max: float
@@ -90,13 +91,11 @@ def make_design(settings: ControllerSettings) -> Design:
         'nonlinear': structure.nonlinear,
         'equal_poles': equal_poles,
         'pole_ratios': ratios,
-        'gain_factor': factor,
         'gain_matrix': [[factor * value for value in row] for row in matrix],
         'no_reference': [0.0] * (order + 1),
         'linear': settings.feedback == 'linear',
         'feedback_gains': feedback_gains(settings),
         'exponents': _per_state(settings.fal_exponents, order),
-        'delta': settings.fal_delta,
         'feedback_level': _level_index(settings.feedback_level, levels),
         'stall_stops': settings.stall_action == 'fault',
     }

@@ -36,6 +36,6 @@ def feedback(design: Design, x: Vector, r: Vector) -> float:
             i += 1
     else:
         while i < order:
-            v += gains[i] * fal(r[i] - x[i], design.exponents[i], design.delta)
+            v += gains[i] * fal(r[i] - x[i], design.exponents[i], design.fal_delta)
             i += 1
     return v

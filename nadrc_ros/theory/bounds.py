@@ -57,6 +57,12 @@ def lyapunov(order: int, a: Sequence[float] | None = None) -> Lyapunov:
     Solve A'P + PA = -I for a Hurwitz A: V = eta'P eta and W = ||eta||^2 of Assumption 3.
 
     For n = 2 and binomial a_i, P = [[1, -1/2, -1], [-1/2, 1, -1/2], [-1, -1/2, 4]].
+
+    Raises
+    ------
+    ValueError
+        For a_i that are not n + 1, or whose polynomial has a root that does not decay.
+
     """
     matrix = scaled_error_matrix(order, a)
     if max(np.linalg.eigvals(matrix).real) >= 0.0:

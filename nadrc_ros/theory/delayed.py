@@ -51,7 +51,7 @@ _MOST_SAMPLES, _SETTLED, _EXTENSIONS, _DAMPING = 8192, 1e-6, 20, 7.0
 
 
 class Loop(NamedTuple):
-    """The sampled ``plant`` and the ``law``, and by how many ``late`` periods the command acts."""
+    """The sampled ``plant`` and the ``law``; the command acts whole periods ``late``."""
 
     plant: StateSpace
     law: StateSpace
@@ -113,7 +113,7 @@ def _matrices(
     by_command = np.where(rows[:, None], closed.a - plant, 0.0)
     a, a_late = (m * scale / scale[:, None] for m in (closed.a - by_command, by_command))
     b = closed.b / scale[:, None]
-    one = np.eye(len(a))
+    identity = np.eye(len(a))
     b_late, b_now = (np.where(mask[:, None], b, 0.0) for mask in (rows, ~rows))
 
     def late(s: Complex) -> Complex:
@@ -121,7 +121,7 @@ def _matrices(
 
     def matrix(s: Complex) -> Complex:
         shift = np.expm1(s * loop.h)[..., None, None]
-        return np.asarray(shift * one - (a - one) - late(s) * a_late)
+        return np.asarray(shift * identity - (a - identity) - late(s) * a_late)
 
     return matrix, lambda s: np.asarray(b_now + late(s) * b_late), closed.c * scale
 
@@ -183,16 +183,16 @@ def command_variance(loop: Loop, variance: float = 1.0) -> float:
     grid = frequency_grid(loop.plant, loop.law, points=2)
     low, high = float(grid[0]), pi / loop.h
     nodes, weights = np.polynomial.legendre.leggauss(_PANEL_POINTS)
-    count, found, before = ceil(_PANELS * np.log10(high / low)), 0.0, inf
+    count, integral, before = ceil(_PANELS * np.log10(high / low)), 0.0, inf
     for _ in range(_DOUBLINGS):
         edges = np.concatenate([[0.0], np.geomspace(low, high, count + 1)])
         half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
         density = np.abs(at(middle[:, None] + half[:, None] * nodes)[..., COMMAND, NOISE]) ** 2
-        found = float(half @ density @ weights) * loop.h / pi
-        if abs(found - before) <= _QUADRATURE_ERROR * found:
+        integral = float(half @ density @ weights) * loop.h / pi
+        if abs(integral - before) <= _QUADRATURE_ERROR * integral:
             break
-        count, before = 2 * count, found
-    return variance * found
+        count, before = 2 * count, integral
+    return variance * integral
 
 
 def step_responses(loop: Loop, inputs: list[int], lasting: float) -> tuple[Array, float]:
@@ -221,8 +221,8 @@ def step_responses(loop: Loop, inputs: list[int], lasting: float) -> tuple[Array
             missing *= np.cos(0.5 * pi * turns) ** 2
         missing = np.fft.irfft(missing)[:, :count] * np.exp(damping * step * np.arange(count))
         missing[:, :1] = final
-        left = np.abs(missing[:, -count // 8 :]).max(axis=1)
-        if (left <= _SETTLED * np.abs(missing).max(axis=1)).all():
+        at_the_end = np.abs(missing[:, -count // 8 :]).max(axis=1)
+        if (at_the_end <= _SETTLED * np.abs(missing).max(axis=1)).all():
             break
         lasting *= 2.0
     return np.asarray(final - missing, dtype=float), step

@@ -18,8 +18,8 @@ def chain(order: int, gain: float, damping: Sequence[float] = ()) -> StateSpace:
     """
     a = np.eye(order, k=1)
     a[-1, : len(damping)] -= np.asarray(damping, dtype=float)
-    one = np.eye(order)
-    return StateSpace(a, gain * one[:, -1:], one[:1], np.zeros((1, 1)))
+    identity = np.eye(order)
+    return StateSpace(a, gain * identity[:, -1:], identity[:1], np.zeros((1, 1)))
 
 
 def closed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> StateSpace:

@@ -100,7 +100,7 @@ def _least_distance(omega: Array, values: Complex, loop: Callable[[float], Compl
     """Return min |1 + L|, refined around the best point of the grid."""
     i = int(np.argmin(np.abs(1.0 + values)))
     low, high = omega[max(i - 1, 0)], omega[min(i + 1, len(omega) - 1)]
-    found = optimize.minimize_scalar(
+    nearest = optimize.minimize_scalar(
         lambda w: float(np.abs(1.0 + loop(w))), bounds=(low, high), method='bounded'
     )
-    return min(float(found.fun), float(np.abs(1.0 + values[i])))
+    return min(float(nearest.fun), float(np.abs(1.0 + values[i])))

@@ -68,18 +68,19 @@ def _level(design: Design, k: int, h: float) -> tuple[Array, Array, Array, Array
     """Return the prediction (N, N), its input (N,), the gains (N,) and I - L C or I."""
     n, size = design.order, design.states
     frequencies = pole_frequencies(design, k)
-    one = np.eye(size)
+    identity = np.eye(size)
     push = np.zeros(size)
     if h > 0.0:
         powers = [h**i / factorial(i) for i in range(size)]
         predict = sum(power * np.eye(size, k=i) for i, power in enumerate(powers))
         push[:n] = powers[n:0:-1]
         gain = np.array(observer_gains(size, h, [exp(-w * h) for w in frequencies]))
-        gain *= design.gain_factor
-        return np.asarray(predict), push, gain, one - np.outer(gain, one[0])
+        gain *= design.observer_gain_factor
+        return np.asarray(predict), push, gain, identity - np.outer(gain, identity[0])
     push[n - 1] = 1.0
-    gain = design.gain_factor * np.asarray(np.poly([-w for w in frequencies])[1:], dtype=float)
-    return np.eye(size, k=1) - np.outer(gain, one[0]), push, gain, one
+    gain = np.asarray(np.poly([-w for w in frequencies])[1:], dtype=float)
+    gain *= design.observer_gain_factor
+    return np.eye(size, k=1) - np.outer(gain, identity[0]), push, gain, identity
 
 
 def observer_gains(states: int, h: float, poles: list[float]) -> list[float]:
@@ -110,7 +111,7 @@ def law_matrices(design: Design) -> tuple[Array, Array]:
     n, size = design.order, design.states
     gains = np.array(design.feedback_gains)
     if not design.linear:
-        gains = gains * design.delta ** (np.array(design.exponents) - 1.0)
+        gains = gains * design.fal_delta ** (np.array(design.exponents) - 1.0)
     f, reference = np.zeros(design.levels * size), np.zeros(n + 1)
     f[design.feedback_level * size : design.feedback_level * size + n] = gains
     f += disturbance_weights(design, design.cancelled)

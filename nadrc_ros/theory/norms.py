@@ -34,13 +34,13 @@ def peak(at: Callable[[ArrayLike], Complex], omega: Array) -> float:
     best = max(float(gains.max()), gain(0.0))
     for i in range(1, len(omega) - 1):
         if gains[i] >= max(gains[i - 1], gains[i + 1], 0.9 * best):
-            found = optimize.minimize_scalar(
+            top = optimize.minimize_scalar(
                 lambda x: -gain(float(np.exp(x))),
                 bounds=(np.log(omega[i - 1]), np.log(omega[i + 1])),
                 method='bounded',
                 options={'xatol': 1e-9},
             )
-            best = max(best, -float(found.fun))
+            best = max(best, -float(top.fun))
     return best
 
 
@@ -64,6 +64,12 @@ def l1_norm(system: StateSpace) -> Array:
     (M. Vidyasagar, Optimal rejection of persistent bounded disturbances, IEEE Trans. Autom.
     Control 31(6), 1986). Computed as the total variation of the step response, to about 1e-4; inf
     when unstable.
+
+    Raises
+    ------
+    ValueError
+        For a system of more than one input.
+
     """
     if system.b.shape[1] != 1:
         raise ValueError('one input at a time')
@@ -78,8 +84,8 @@ def l1_norm(system: StateSpace) -> Array:
     p = poles(system)
     dt = 1.0 / (_SAMPLES_EACH * np.abs(p).max())
     transition, _ = held(system, dt)
-    rest = np.asarray(np.linalg.solve(system.a, system.b[:, 0]), dtype=float)
-    step = system.c @ _orbit(transition, rest, _TIME_CONSTANTS / -p.real.max() / dt)
+    settled = np.asarray(np.linalg.solve(system.a, system.b[:, 0]), dtype=float)
+    step = system.c @ _orbit(transition, settled, _TIME_CONSTANTS / -p.real.max() / dt)
     return np.asarray(through + np.abs(np.diff(step, axis=1)).sum(axis=1))
 
 

@@ -61,7 +61,7 @@ def equivalent_pid(design: Design) -> FilteredPID:
     if not design.linear or design.error_based:
         raise ValueError('only the linear law fed with the output is a PI or PID controller')
     monic = np.asarray(np.poly([-w for w in pole_frequencies(design, 0)]), dtype=float)
-    monic[1:] *= design.gain_factor
+    monic[1:] *= design.observer_gain_factor
     b1, b2 = float(monic[1]), float(monic[2])
     k1 = design.feedback_gains[0]
     if design.order == 1:

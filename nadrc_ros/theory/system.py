@@ -55,10 +55,9 @@ def poles(system: StateSpace) -> Complex:
     Discrete ones are found as 1 + eig(a - I): for an N-fold pole rounding moves them by
     (1e-16)^(1/N) of the matrix norm, and that of a - I is about w h instead of 1.
     """
-    one = np.eye(len(system.a)) if system.h > 0.0 else 0.0
     shift = 1.0 if system.h > 0.0 else 0.0
-    found: Complex = shift + linalg.eigvals(system.a - one)
-    return found
+    eigenvalues: Complex = shift + linalg.eigvals(system.a - shift * np.eye(len(system.a)))
+    return eigenvalues
 
 
 def growth(system: StateSpace) -> float:
@@ -87,25 +86,33 @@ def frequency_response(system: StateSpace) -> Callable[[ArrayLike], Complex]:
     omega [rad/s] may have any shape (...); the result has the shape (..., outputs, inputs).
     """
     a, b, c, d, h = balanced(system)
-    one = np.eye(len(a))
-    rest = a - one if h > 0.0 else a
+    identity = np.eye(len(a))
+    shifted = a - identity if h > 0.0 else a
 
     def at(omega: ArrayLike) -> Complex:
         s = 1j * np.asarray(omega, dtype=float)
         shift = np.expm1(s * h) if h > 0.0 else s
         inputs = b.reshape((1,) * shift.ndim + b.shape)  # NumPy 1 takes b alone for many vectors
-        return np.asarray(c @ np.linalg.solve(shift[..., None, None] * one - rest, inputs) + d)
+        return np.asarray(
+            c @ np.linalg.solve(shift[..., None, None] * identity - shifted, inputs) + d
+        )
 
     return at
 
 
 def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSpace:
     """
-    Return the continuous ``system`` sampled every ``h`` seconds, its input held; d must be 0.
+    Return the continuous ``system`` sampled every ``h`` seconds, its input held.
 
     ``delay`` [s], any fraction of a period, is between the hold and the system: of the period
     that starts at t_k its first part sees an input one period older. The inputs on their way
     become states. Source: K. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 3.2.
+
+    Raises
+    ------
+    ValueError
+        For a system that is sampled already or has a feedthrough d, or a negative delay.
+
     """
     if system.h > 0.0 or np.any(system.d) or delay < 0.0:
         raise ValueError('a continuous system without feedthrough, and a delay >= 0, is needed')
@@ -121,19 +128,14 @@ def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSp
     size = n + waiting * m
     big = np.zeros((size, size))
     big[:n, :n] = a
+    big[n:, n:] = np.eye(waiting * m, k=-m)  # block j >= 1 holds the input of j periods ago
     enter = np.zeros((size, m))
-    # Row block j >= 1 holds the input of j periods ago.
+    enter[n:] = np.eye(waiting * m, m)
     for gain, age in ((new, whole), (old, whole + 1)):
         if age == 0:
             enter[:n] += gain
         elif age <= waiting:
             big[:n, n + (age - 1) * m : n + age * m] += gain
-    for j in range(waiting):
-        block = slice(n + j * m, n + (j + 1) * m)
-        if j == 0:
-            enter[block] = np.eye(m)
-        else:
-            big[block, n + (j - 1) * m : n + j * m] = np.eye(m)
     c = np.hstack([system.c, np.zeros((len(system.c), waiting * m))])
     return StateSpace(big, enter, c, np.array(system.d), h)
 
@@ -150,5 +152,5 @@ def held(system: StateSpace, h: float) -> tuple[Array, Array]:
 @lru_cache(maxsize=32)
 def _exponential(matrix: bytes, size: int) -> Array:
     """Return the exponential: the same plant is sampled for every design that is compared."""
-    found: Any = linalg.expm(np.frombuffer(matrix).reshape(size, size))
-    return np.asarray(found, dtype=float)
+    exponential: Any = linalg.expm(np.frombuffer(matrix).reshape(size, size))
+    return np.asarray(exponential, dtype=float)
