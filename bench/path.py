@@ -39,7 +39,7 @@ from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import log_of
 from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
 from nadrc_ros.tuning.search.score import Judge
-from nadrc_ros.tuning.search.settings import settings_from
+from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.variables import designed, first_designs, variables
 
 SEEN, UNSEEN = 1, 7
@@ -215,7 +215,7 @@ def requirements_of(line: str) -> Requirements:
 def tuned(scenario: Scenario, designs: int) -> ControllerSettings:
     """Return the best of the first designs that a search tries, within the effort of the start."""
     start, budget = scenario.controllers[NAME], MORE * scenario.run(NAME).metrics.isu
-    tuning = settings_from({'budget': budget})
+    tuning = TuneSettings(budget=budget)
     judge = Judge(scenario, NAME, tuning, compiled=True)
     varied = variables(start, {}, scenario.rate, scenario.duration, tuning.largest_wh)
     best, least = start, inf

@@ -15,13 +15,13 @@ from nadrc_ros.theory.delayed import (
 )
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import margins
+from nadrc_ros.tuning import LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import BAND, reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import single
 from nadrc_ros.tuning.design.fastest import fastest, obstacle
 from nadrc_ros.tuning.design.first_design import first_design
 from nadrc_ros.tuning.design.prediction import settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
-from nadrc_ros.tuning.rules import LEAST_GAIN, LEAST_MODULUS
 import pytest
 from test_first_design import wanted
 

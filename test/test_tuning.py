@@ -13,13 +13,14 @@ import attrs
 from hypothesis import given
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads, Scenario
 from nadrc_ros.simulation.batch import run_metrics
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.tuning.search.front import choose, front, knee, Point
 from nadrc_ros.tuning.search.score import Figures, Judge, Score, with_gain
-from nadrc_ros.tuning.search.settings import settings_from, TuneSettings
+from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.study import open_storage, run_studies, Trial, TuningStudy
 from nadrc_ros.tuning.search.variables import designed, first_designs, values_of, variables
 import pytest
@@ -41,7 +42,7 @@ def scenario(**changes: Any) -> Scenario:
 
 
 def judge(**tuning: Any) -> Judge:
-    return Judge(scenario(), 'nested', settings_from(tuning), compiled=False)
+    return Judge(scenario(), 'nested', build(TuneSettings, tuning), compiled=False)
 
 
 def study(storage: Path, **tuning: Any) -> TuningStudy:
@@ -99,7 +100,7 @@ def test_what_cannot_vary_is_refused(wanted: dict[str, Any], said: str) -> None:
 )
 def test_settings_that_make_no_sense_are_refused(tuning: dict[str, Any]) -> None:
     with pytest.raises(SettingError):
-        settings_from(tuning)
+        build(TuneSettings, tuning)
 
 
 @given(st.floats(1.0, 20.0), st.floats(0.1, 1.5), st.floats(0.5, 20.0), st.integers(1, 2))
@@ -147,7 +148,9 @@ def test_without_noise_the_objective_is_of_one_quiet_run_and_the_effort_of_the_n
 ):
     values = {'inner_bandwidth': 8.0}
     quiet_plant = scenario(noise=attrs.evolve(scenario().noise, variance=0.0))
-    quiet = Judge(quiet_plant, 'nested', settings_from({}), compiled=False).score(values).figures
+    quiet = (
+        Judge(quiet_plant, 'nested', build(TuneSettings, {}), compiled=False).score(values).figures
+    )
     noisy = judge(seeds=4).score(values).figures
     mixed = judge(seeds=4, noise_free=True).score(values).figures
     assert quiet is not None and noisy is not None and mixed is not None
@@ -178,13 +181,15 @@ def test_a_known_delay_counts_in_the_margins() -> None:
     own, late = judge(), MeasurementFault(kind='delayed', time=0.04)
     for fault, lost in ((late, 0.04), (attrs.evolve(late, duration=0.1), 0.0)):
         delayed = scenario(faults=Faults(measurement=(fault,)))
-        found = Judge(delayed, 'nested', settings_from({}), compiled=False).margins(own.settings)
+        found = Judge(delayed, 'nested', build(TuneSettings, {}), compiled=False).margins(
+            own.settings
+        )
         assert found.delay == pytest.approx(own.margins(own.settings).delay - lost)
 
 
 def test_a_delay_is_in_the_margins_as_it_is_simulated_in_whole_periods() -> None:
     faults = Faults(measurement=(MeasurementFault(kind='delayed', time=0.03),))
-    one = Judge(scenario(faults=faults), 'nested', settings_from({}), compiled=False)
+    one = Judge(scenario(faults=faults), 'nested', build(TuneSettings, {}), compiled=False)
     assert one.scenario.rate == 50.0
     left = judge().margins(judge().settings).delay - 0.04
     assert one.margins(one.settings).delay == pytest.approx(left)
@@ -192,7 +197,7 @@ def test_a_delay_is_in_the_margins_as_it_is_simulated_in_whole_periods() -> None
 
 def test_the_rate_limit_of_an_actuator_is_counted_in_its_own_unit() -> None:
     faults = Faults(command=(CommandFault(kind='rate_limited', size=20.0),))
-    spread = settings_from({'b0_spread': [0.5, 2.0]})
+    spread = build(TuneSettings, {'b0_spread': [0.5, 2.0]})
     one = Judge(scenario(faults=faults), 'nested', spread, compiled=False)
     sizes = [(corner.gain, corner.experiment.faults.command[0].size) for corner in one.corners]
     assert sizes == [(1.0, 20.0), (0.5, 10.0), (2.0, 40.0)]
@@ -200,10 +205,10 @@ def test_the_rate_limit_of_an_actuator_is_counted_in_its_own_unit() -> None:
 
 def test_a_negative_b0_can_vary(tmp_path: Path) -> None:
     plant = attrs.evolve(loads(SCENARIO).plant, values={'order': 1, 'gain': -2.0})
-    one = Judge(scenario(plant=plant), 'nested', settings_from({}), compiled=False)
+    one = Judge(scenario(plant=plant), 'nested', build(TuneSettings, {}), compiled=False)
     values = {'b0': (-4.0, -1.0)}
     one.settings = attrs.evolve(one.settings, b0=-2.0)
-    one.tuning = settings_from({'vary': values, 'population': 4, 'trials': 20, 'seeds': 1})
+    one.tuning = build(TuneSettings, {'vary': values, 'population': 4, 'trials': 20, 'seeds': 1})
     varied = variables(one.settings, values, 50.0, 1.0, 0.3)
     trials = found(TuningStudy(one, varied, open_storage(str(tmp_path / 's')), 'nested'))
     assert all(-4.0 <= trial.values['b0'] <= -1.0 for trial in trials)

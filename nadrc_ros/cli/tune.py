@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import attrs
+from nadrc_ros.adrc.fields import build
 from nadrc_ros.cli.failure import complain, reporting
 from nadrc_ros.cli.options import fields, ScenarioFile, takes
 from nadrc_ros.cli.progress import progress
@@ -124,7 +125,6 @@ def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
 def _tuning(given: dict[str, Any], file: Optional[Path]) -> TuneSettings:
     from nadrc_ros.adrc.errors import SettingError
     from nadrc_ros.scenario.files import read_text
-    from nadrc_ros.tuning.search.settings import settings_from
     from nadrc_ros.yaml_text import read_yaml
 
     for key in ('vary', 'plant'):
@@ -135,7 +135,7 @@ def _tuning(given: dict[str, Any], file: Optional[Path]) -> TuneSettings:
     content = {} if file is None else read_yaml(read_text(file))
     if not isinstance(content, dict):
         raise SettingError('--settings', str(file), 'a file with a mapping of options to values')
-    return settings_from(content, given)
+    return build(TuneSettings, {**content, **given})
 
 
 def _named_range(key: str, text: str) -> tuple[str, Any]:
@@ -227,8 +227,7 @@ def _finish(
     from nadrc_ros.report.marks import title_of
     from nadrc_ros.report.picture import render
     from nadrc_ros.scenario.parameter_files import about_reference
-    from nadrc_ros.tuning.search.picture import draw
-    from nadrc_ros.tuning.search.result import document, texts, tuned
+    from nadrc_ros.tuning.search.result import document, draw, texts, tuned
 
     found = [tuned(study, one, isu, number) for one, study in studies.items()]
     title = title_of(name, scenario)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+from nadrc_ros.tuning import LEAST_MODULUS
 from nadrc_ros.tuning.design.candidates import better_below, Candidate
 from nadrc_ros.tuning.design.requirements import Requirements
-from nadrc_ros.tuning.rules import LEAST_MODULUS
 
 # A level more has to leave less than this share of the error to be worth its margin.
 WORTH = 0.8

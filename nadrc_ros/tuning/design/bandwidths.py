@@ -13,8 +13,8 @@ from __future__ import annotations
 from math import expm1, floor, log, log10
 
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.tuning import TIMEOUT_PERIODS
 from nadrc_ros.tuning.design.requirements import Requirements, STEP_SHARE
-from nadrc_ros.tuning.rules import PATIENCE
 from scipy import special
 
 BAND = 0.02
@@ -72,7 +72,7 @@ def settings_of(
     """
     usual = ControllerSettings()
     ratio = 2.0 if structure == 'cascade' else 1.0
-    patience = PATIENCE * wanted.period
+    patience = TIMEOUT_PERIODS * wanted.period
     return ControllerSettings(
         plant_order=wanted.order,
         b0=wanted.b0,

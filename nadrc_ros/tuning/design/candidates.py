@@ -10,6 +10,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.theory.system import Array
+from nadrc_ros.tuning import LARGEST_W_H
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     FASTEST,
@@ -31,7 +32,6 @@ from nadrc_ros.tuning.design.limits import (
 )
 from nadrc_ros.tuning.design.prediction import predict, Prediction, rejection
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
-from nadrc_ros.tuning.rules import LARGEST_W_H
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize

@@ -11,10 +11,10 @@ from nadrc_ros.adrc.settings import SLOWEST_RATE
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.tuning import TIMEOUT_PERIODS
 from nadrc_ros.tuning.design.bandwidths import reference_step
 from nadrc_ros.tuning.design.candidates import Candidate
 from nadrc_ros.tuning.design.requirements import Requirements
-from nadrc_ros.tuning.rules import PATIENCE
 
 # In settling times: the start, which is bumpless and would spoil the step; the step of the
 # reference alone; the disturbance beside it.
@@ -79,7 +79,7 @@ def _thinned(scenario: Scenario) -> Scenario:
     if every <= 1:
         return scenario
     rate = scenario.rate / every
-    patience = PATIENCE / rate
+    patience = TIMEOUT_PERIODS / rate
     slow = {
         name: attrs.evolve(
             settings,

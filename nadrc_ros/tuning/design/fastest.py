@@ -6,11 +6,11 @@ import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import margins
+from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import controller_bandwidth, settling_factor
 from nadrc_ros.tuning.design.candidates import single_settings
 from nadrc_ros.tuning.design.limits import COARSE, conflict, largest, MORE
 from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
-from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 
 # Of the settling time that is found: what is nobody's margin, as the plant is not quite that one.
 SLACK = 1.2

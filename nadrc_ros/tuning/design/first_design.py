@@ -10,12 +10,12 @@ import attrs
 from nadrc_ros.adrc.design import bandwidths, make_design
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.theory.pid import equivalent_pid, FilteredPID
+from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
 from nadrc_ros.tuning.design.advice import advice, advised
 from nadrc_ros.tuning.design.bandwidths import reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import asked, Candidate, candidates
 from nadrc_ros.tuning.design.experiment import expect, Expected, experiment
 from nadrc_ros.tuning.design.requirements import LOAD_SHARE, Requirements, STEP_SHARE
-from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 
 @attrs.frozen(kw_only=True, eq=False)

@@ -12,6 +12,7 @@ from nadrc_ros.adrc.settings import LARGEST
 from nadrc_ros.theory.delayed import command_variance, delayed_loop, Loop
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import margins
+from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
     reference_step,
@@ -20,7 +21,6 @@ from nadrc_ros.tuning.design.bandwidths import (
     SLOWEST,
 )
 from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
-from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_MODULUS
 
 DELAY_SHARE = 0.5
 DEVIATIONS = 3.0

@@ -14,12 +14,12 @@ from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import History
 from nadrc_ros.theory.margins import Margins
+from nadrc_ros.tuning import TIMEOUT_PERIODS
 from nadrc_ros.tuning.design.fastest import fastest
 from nadrc_ros.tuning.design.first_design import first_design, FirstDesign
 from nadrc_ros.tuning.design.requirements import Requirements
 from nadrc_ros.tuning.identification.identify import Plant
 from nadrc_ros.tuning.identification.predictor import Log
-from nadrc_ros.tuning.rules import PATIENCE
 import numpy as np
 
 # Standard deviation of the command that noise may cause, as a share of the command's range.
@@ -115,7 +115,7 @@ def _settings(
     running: ControllerSettings | None,
 ) -> ControllerSettings:
     designed = {name: getattr(chosen, name) for name in DESIGNED}
-    patience = PATIENCE * plant.period
+    patience = TIMEOUT_PERIODS * plant.period
     base = running or attrs.evolve(
         chosen,
         command_min=limits[0],

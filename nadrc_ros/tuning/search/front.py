@@ -12,9 +12,9 @@ from nadrc_ros.tuning.search.study import Trial
 import numpy as np
 
 # Times the least objective: what is worse nobody wants, and it would only shift the knee.
-WORST = 10.0
-
-CLEARLY = 0.05
+_WORST_OVER_BEST = 10.0
+# A knee is that far below the chord, of length 1 in both axes: less is the scatter of a search.
+_CLEARLY_BELOW = 0.05
 
 
 class Point(NamedTuple):
@@ -40,7 +40,9 @@ def front(trials: Sequence[Trial]) -> list[Point]:
         if trial.score.figures is not None and not trial.score.violations
     ]
     found = undominated(points, lambda point: point.figures)
-    return [p for p in found if p.figures.objective <= WORST * found[-1].figures.objective]
+    return [
+        p for p in found if p.figures.objective <= _WORST_OVER_BEST * found[-1].figures.objective
+    ]
 
 
 def knee(points: Sequence[Point]) -> int:
@@ -55,7 +57,7 @@ def knee(points: Sequence[Point]) -> int:
         return len(points) - 1
     x, y = (_scaled([getattr(p.figures, name) for p in points]) for name in ('isu', 'objective'))
     below = 1.0 - x - y
-    return int(np.argmax(below)) if below.max() > CLEARLY else len(points) - 1
+    return int(np.argmax(below)) if below.max() > _CLEARLY_BELOW else len(points) - 1
 
 
 def choose(

@@ -1,16 +1,21 @@
-"""What a tuning found for one controller, and the files that keep it."""
+"""What a tuning found: the numbers of each controller, the files that keep them, the picture."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
+from itertools import cycle
 import platform
 from typing import Any
 
 import attrs
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.report.picture import COLOURS, INK, STYLE
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.scenario.parameter_files import (
     ANY_CONTROLLER,
@@ -21,14 +26,18 @@ from nadrc_ros.simulation.batch import run_metrics
 from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.theory.margins import Margins
 from nadrc_ros.tuning.search.front import Choice, choose, front, knee, Point
-from nadrc_ros.tuning.search.score import FIRST_SEED
+from nadrc_ros.tuning.search.score import FIRST_SEED, Judge
 from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.study import TuningStudy
 from nadrc_ros.tuning.search.variables import designed, Variable
 import numpy as np
 
 # Seeds that the search does not see, to say what to expect.
-UNSEEN = range(FIRST_SEED + 100_000, FIRST_SEED + 100_016)
+_UNSEEN_SEEDS = range(FIRST_SEED + 100_000, FIRST_SEED + 100_016)
+_SIZE = (7.5, 4.6)  # inches
+# A decade has these ticks on a short axis, and those on one of several decades.
+_MANY_TICKS, _FEW_TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0)
+_SEVERAL_DECADES = 30.0
 
 
 @attrs.frozen(kw_only=True)
@@ -73,8 +82,7 @@ def tuned(study: TuningStudy, name: str, isu: float | None, number: int | None) 
         )
     choice = choose(points, judge.tuning.budget, isu, number)
     settings = designed(judge.settings, points[choice.index].values)
-    scenario = judge.scenario
-    own = attrs.evolve(scenario, controllers={name: settings})
+    own = attrs.evolve(judge.scenario, controllers={name: settings})
     return Tuned(
         name=name,
         study=study.name,
@@ -85,17 +93,15 @@ def tuned(study: TuningStudy, name: str, isu: float | None, number: int | None) 
         choice=choice,
         settings=settings,
         predicted=own.run(name).metrics,
-        unseen=_unseen(own, settings, judge.tuning.objective, judge.compiled),
+        unseen=_unseen(own, settings, judge),
         margins=judge.margins(settings),
     )
 
 
-def _unseen(
-    scenario: Scenario, settings: ControllerSettings, objective: str, compiled: bool
-) -> dict[str, float]:
-    seeds = UNSEEN if scenario.noise.variance > 0.0 else UNSEEN[:1]
-    experiment = scenario.experiment
-    runs = [run_metrics(experiment, settings, seed, compiled) for seed in seeds]
+def _unseen(scenario: Scenario, settings: ControllerSettings, judge: Judge) -> dict[str, float]:
+    seeds = _UNSEEN_SEEDS if scenario.noise.variance > 0.0 else _UNSEEN_SEEDS[:1]
+    experiment, objective = scenario.experiment, judge.tuning.objective
+    runs = [run_metrics(experiment, settings, seed, judge.compiled) for seed in seeds]
     values = [getattr(run, objective) for run in runs]
     return {
         'seeds': len(seeds),
@@ -122,7 +128,7 @@ def document(name: str, tuning: TuneSettings, found: Sequence[Tuned]) -> dict[st
     return {
         'scenario': name,
         'tuning': attrs.asdict(tuning),
-        'versions': versions(tuning.method),
+        'versions': _versions(tuning.method),
         'controllers': {one.name: _controller(one) for one in found},
     }
 
@@ -142,7 +148,7 @@ def _controller(one: Tuned) -> dict[str, Any]:
     }
 
 
-def versions(method: str) -> dict[str, str]:
+def _versions(method: str) -> dict[str, str]:
     """Return the versions of all that a result depends on."""
     packages = ['nadrc_ros', 'numpy', 'optuna']
     packages += {'cmaes': ['cmaes'], 'pso': ['pymoo']}.get(method, [])
@@ -153,3 +159,32 @@ def versions(method: str) -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = 'source tree'
     return found
+
+
+def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
+    """Return a figure with the front of each controller and a ring around what was taken."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=_SIZE, layout='constrained')
+        axis = figure.subplots()
+        for tuned, colour in zip(found, cycle(COLOURS)):
+            efforts = [point.figures.isu for point in tuned.front]
+            values = [point.figures.objective for point in tuned.front]
+            # A step: between two designs of the front, the cheaper one is what there is.
+            axis.step(efforts, values, '.-', where='post', color=colour, markersize=4, lw=0.9)
+            x, y = efforts[tuned.choice.index], values[tuned.choice.index]
+            axis.plot([x], [y], 'o', color=colour, markersize=5)
+            axis.plot([x], [y], 'o', color=INK, markersize=11, fillstyle='none')
+            axis.plot([], [], 'o-', color=colour, label=f'{tuned.name}: {tuned.choice.why}')
+        axis.set_xscale('log')
+        axis.set_yscale('log')
+        for scale in (axis.xaxis, axis.yaxis):
+            low, high = scale.get_view_interval()
+            ticks = _FEW_TICKS if high > _SEVERAL_DECADES * low else _MANY_TICKS
+            scale.set_major_locator(LogLocator(subs=ticks, numticks=12))
+            scale.set_major_formatter('{x:g}')
+            scale.set_minor_formatter(NullFormatter())
+        axis.set_xlabel('ISU, integral of u²')
+        axis.set_ylabel(objective)
+        axis.set_title(title, weight='bold')
+        axis.legend(frameon=False)
+    return figure

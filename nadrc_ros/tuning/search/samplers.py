@@ -70,9 +70,9 @@ def _cmaes(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]) -> B
     )
 
 
-class SwarmSampler(BaseSampler):
+class SwarmSampler(RandomSampler):
     """
-    Particle swarm optimisation by pymoo, told all earlier generations again.
+    Particle swarm optimisation by pymoo, told all earlier generations again; the first is random.
 
     The swarm is a function of its seed and of what it was told, so nothing else is stored.
     """
@@ -80,9 +80,9 @@ class SwarmSampler(BaseSampler):
     def __init__(self, tuning: TuneSettings, seed: int) -> None:
         from pymoo.algorithms.soo.nonconvex.pso import PSO  # noqa: F401
 
+        super().__init__(seed)
         self.population = tuning.population
         self.first_seed = tuning.seed
-        self.random = RandomSampler(seed=seed)
         self.space = IntersectionSearchSpace()
         self.waiting: list[dict[str, Any]] | None = None
 
@@ -101,16 +101,6 @@ class SwarmSampler(BaseSampler):
         if self.waiting is None:
             self.waiting = self._particles(study, search_space)
         return self.waiting.pop(0)
-
-    def sample_independent(
-        self,
-        study: Study,
-        trial: FrozenTrial,
-        param_name: str,
-        param_distribution: BaseDistribution,
-    ) -> Any:
-        """Sample at random."""
-        return self.random.sample_independent(study, trial, param_name, param_distribution)
 
     def _particles(self, study: Study, space: dict[str, BaseDistribution]) -> list[dict[str, Any]]:
         from optuna._transform import _SearchSpaceTransform

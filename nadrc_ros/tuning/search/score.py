@@ -28,10 +28,10 @@ Runs = list[list[RunMetrics]]
 # Not those of a scenario, so that what is found can be judged with others.
 FIRST_SEED = 1001
 # With the first seed alone: that far over the budget, or beyond a better design, is hopeless.
-HOPELESS = 1.05
-GRID = 100
-# Of a design that cannot be run, is unstable, or ran away.
-NEVER = 10.0
+_HOPELESS = 1.05
+_MARGIN_POINTS = 100  # frequencies of a margin: it is found between them anyway
+# How far a design is beyond a constraint that cannot be run, is unstable, or ran away.
+_NEVER = 10.0
 
 
 @attrs.frozen
@@ -114,15 +114,19 @@ class Judge:
 
     def score(self, values: dict[str, float], better: Sequence[Figures] = ()) -> Score:
         """
-        Return the score of a design; runs no more than it needs to find it hopeless.
+        Return the score of a design, by name of what varies; ``better`` are figures to beat.
 
-        ``better`` are figures with the first seed that are to beat.
+        The cheap "no" comes first: the settings themselves, theory (a millisecond), one noise
+        sequence, then the others. ``better`` are figures with that first sequence alone, for like
+        is compared with like: the mean over all sequences of another design would let luck decide.
+        They come from earlier generations only, so that the score of a design does not depend on
+        which of its own generation was scored before, that is on the number of cores.
         """
         try:
             settings = designed(self.settings, values)
             settings.check_rate(self.scenario.rate)
         except SettingError:
-            return Score(violations={'settings': NEVER})
+            return Score(violations={'settings': _NEVER})
         violations = {k: v for k, v in self.theory(settings).items() if v > 0.0}
         if violations:
             return Score(violations=violations)
@@ -136,7 +140,7 @@ class Judge:
             return {'largest_wh': log(fastest / tuning.largest_wh)}
         found = self.margins(settings)
         if found.modulus == 0.0:
-            return {'stability': NEVER}
+            return {'stability': _NEVER}
         low, high = tuning.gain_margin * found.gain_low, tuning.gain_margin / found.gain_high
         gain = max(low, high)
         return {
@@ -149,7 +153,7 @@ class Judge:
         """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
         plant, rate = self.corners[0].experiment.plant, self.scenario.rate
         nominal, delay = chain(plant.order, plant.b0), self.scenario.faults.delay(rate)
-        return margins(make_design(settings), nominal, 1.0 / rate, delay, GRID)
+        return margins(make_design(settings), nominal, 1.0 / rate, delay, _MARGIN_POINTS)
 
     def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
         first_seed = self.seeds[:1]
@@ -162,8 +166,8 @@ class Judge:
         if violations:
             return Score(violations=violations)
         first = self._figures(tracked, runs)
-        too_costly = self.tuning.budget > 0.0 and first.isu > HOPELESS * self.tuning.budget
-        if too_costly or any(one.beats(first, HOPELESS) for one in better):
+        too_costly = self.tuning.budget > 0.0 and first.isu > _HOPELESS * self.tuning.budget
+        if too_costly or any(one.beats(first, _HOPELESS) for one in better):
             return Score(first=first, violations=self._over_budget(first))
         for corner, found in zip(self.corners, runs):
             found += self._runs(settings, self.seeds[1:], corner)
@@ -188,7 +192,7 @@ class Judge:
     def _violated(self, runs: Runs) -> dict[str, float]:
         every = [run for found in runs for run in found]
         if any(run.skipped for run in every):
-            return {'stability': NEVER}
+            return {'stability': _NEVER}
         peak, largest = self.tuning.peak, max(run.max_command for run in every)
         return {'peak': log(largest / peak)} if 0.0 < peak < largest else {}
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, choice, flag, integer, number
+from nadrc_ros.adrc.fields import choice, flag, integer, number
 from nadrc_ros.adrc.settings import LARGEST, LONGEST
-from nadrc_ros.tuning.rules import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
+from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 
 OBJECTIVES = ('itae', 'iae', 'ise', 'itse', 'rmse', 'max_error', 'peak_error')
 SAMPLERS = ('auto', 'nsga2', 'cmaes', 'pso')
@@ -18,31 +18,29 @@ Range = tuple[float, float]
 
 
 def _pair(value: Any) -> Any:
+    """Return a range as a tuple; nonsense is left to the check."""
     return tuple(value) if isinstance(value, list) else value
 
 
-def _ranges(value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        return value
-    return {key: _pair(span) for key, span in value.items()}
+def _pairs(value: Any) -> Any:
+    return {k: _pair(span) for k, span in value.items()} if isinstance(value, Mapping) else value
 
 
-def _check_ranges(_: object, attribute: Any, value: Any) -> None:
-    if not isinstance(value, dict):
-        raise SettingError(attribute.name, value, 'a mapping of names to [low, high]')
-    for name, span in value.items():
-        if not (span == () and attribute.name == 'vary'):
-            check_range(f'{attribute.name}.{name}', span)
-
-
-def check_range(name: str, span: Any) -> None:
-    """Refuse what is not a pair of numbers in order."""
+def _check_pair(name: str, span: Any) -> None:
     numbers = span if isinstance(span, tuple) else ()
     fine = len(numbers) == 2 and all(
         isinstance(x, (int, float)) and not isinstance(x, bool) and isfinite(x) for x in numbers
     )
     if not (fine and numbers[0] < numbers[1]):
         raise SettingError(name, span, 'low:high with low below high')
+
+
+def _check_pairs(_: object, attribute: Any, value: Any) -> None:
+    if not isinstance(value, dict):
+        raise SettingError(attribute.name, value, 'a mapping of names to [low, high]')
+    for name, span in value.items():
+        if not (span == () and attribute.name == 'vary'):
+            _check_pair(f'{attribute.name}.{name}', span)
 
 
 @attrs.frozen(kw_only=True)
@@ -101,13 +99,13 @@ class TuneSettings:
     peak: float = number(
         0.0, 0.0, LARGEST, 'command unit', 'largest |command|; 0 = that of the limits alone'
     )
-    vary: dict[str, Any] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
-    plant: dict[str, Range] = attrs.field(factory=dict, converter=_ranges, validator=_check_ranges)
+    vary: dict[str, Any] = attrs.field(factory=dict, converter=_pairs, validator=_check_pairs)
+    plant: dict[str, Range] = attrs.field(factory=dict, converter=_pairs, validator=_check_pairs)
     b0_spread: tuple[float, ...] = attrs.field(default=(), converter=_pair)
 
     def __attrs_post_init__(self) -> None:
         if self.b0_spread != ():
-            check_range('b0_spread', self.b0_spread)
+            _check_pair('b0_spread', self.b0_spread)
             if self.b0_spread[0] <= 0.0:
                 raise SettingError('b0_spread', self.b0_spread, 'low:high of positive factors')
         if not self.budget and self.method != 'nsga2':
@@ -126,19 +124,3 @@ class TuneSettings:
         if self.sampler != 'auto':
             return self.sampler
         return 'cmaes' if self.budget else 'nsga2'
-
-
-def settings_from(*sources: Mapping[str, Any]) -> TuneSettings:
-    """
-    Return the settings in mappings, of which later ones win.
-
-    Raises
-    ------
-    SettingError
-        For an unknown key, or a value out of range.
-
-    """
-    merged: dict[str, Any] = {}
-    for source in sources:
-        merged |= source
-    return build(TuneSettings, merged)

@@ -35,14 +35,14 @@ from optuna.distributions import (
 from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial
 
-# Of a process that was killed while it wrote [s].
-LOCK_TIMEOUT = 5
+# After that long [s] the lock of a process that was killed while it wrote is no lock.
+_LOCK_TIMEOUT = 5
 # Value of what has none, and how much worse a constrained design is than any other.
-NONE = 1e9
-FORBIDDEN = 1e3
-SMALLEST = 1e-100
+_NO_VALUE = 1e9
+_FORBIDDEN = 1e3
+_SMALLEST = 1e-100
 # Share of the first generation that rules propose; the rest is random.
-BY_RULE = 0.5
+_BY_RULE = 0.5
 
 optuna.logging.set_verbosity(optuna.logging.ERROR)
 
@@ -76,7 +76,7 @@ def open_storage(where: str) -> optuna.storages.BaseStorage:
             return optuna.storages.RDBStorage(where)
         path = Path(where).resolve()  # the lock, a link to it, must lead somewhere
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock = JournalFileSymlinkLock(str(path), grace_period=LOCK_TIMEOUT)
+        lock = JournalFileSymlinkLock(str(path), grace_period=_LOCK_TIMEOUT)
         return JournalStorage(JournalFileBackend(str(path), lock_obj=lock))
     except OSError:
         raise  # names the file, which may be beside --out
@@ -156,8 +156,7 @@ class TuningStudy:
             memory, asked = self._ask(history)
             better = front_of_first([_trial(trial) for trial in history], bool(self.tuning.budget))
             scores = [
-                executor.submit(evaluate, self.judge, dict(trial.params), better)
-                for trial in asked
+                executor.submit(self.judge.score, dict(trial.params), better) for trial in asked
             ]
             try:
                 yield
@@ -172,7 +171,8 @@ class TuningStudy:
             self.stored.add_trials(finished[begun:])
 
     def _tell(self, memory: optuna.Study, trial: optuna.Trial, score: Score) -> None:
-        _note(trial, score, self.worker)
+        trial.set_user_attr('worker', self.worker)
+        trial.set_user_attr('score', attrs.asdict(score))
         if not self.tuning.budget:  # with one, _values says it, and CMA-ES knows no other way
             for name, violation in score.violations.items():
                 trial.set_constraint(name, violation)
@@ -185,13 +185,10 @@ class TuningStudy:
         memory = self._in_memory(history)
         memory.sampler = make_sampler(self.tuning, self._seed(generation), history)
         count = size if own else self.first
-        rules = (
-            []
-            if history
-            else first_designs(self.judge.settings, self.varied, round(BY_RULE * count))
-        )
-        for design in rules:
-            memory.enqueue_trial({v.name: _typed(v, design[v.name]) for v in self.varied})
+        if not history:
+            by_rule = round(_BY_RULE * count)
+            for design in first_designs(self.judge.settings, self.varied, by_rule):
+                memory.enqueue_trial(design)
         space = {v.name: _distribution(v, self.tuning.method) for v in self.varied}
         return memory, [memory.ask(space) for _ in range(count)]
 
@@ -242,11 +239,6 @@ def run_studies(
             turns = [turn for turn in turns if next(turn, 'ended') != 'ended']
 
 
-def evaluate(judge: Judge, values: dict[str, float], better: Sequence[Figures]) -> Score:
-    """Return the score of a design: a task for an executor."""
-    return judge.score(values, better)
-
-
 def front_of_first(trials: Sequence[Trial], single: bool) -> list[Figures]:
     """Return the figures with the first seed of the best designs, for others to come close to."""
     known = [
@@ -283,15 +275,6 @@ def _distribution(variable: Variable, method: str) -> BaseDistribution:
     return FloatDistribution(variable.low, variable.high, log=variable.low > 0.0)
 
 
-def _typed(variable: Variable, value: float) -> float:
-    return int(value) if variable.whole else value
-
-
-def _note(trial: optuna.Trial, score: Score, worker: int) -> None:
-    trial.set_user_attr('worker', worker)
-    trial.set_user_attr('score', attrs.asdict(score))
-
-
 def _trial(trial: FrozenTrial) -> Trial:
     noted = trial.user_attrs['score']
     figures, first = (noted[k] and Figures(**noted[k]) for k in ('figures', 'first'))
@@ -308,8 +291,8 @@ def _values(score: Score, budget: float) -> list[float]:
     known = score.figures or score.first
     if budget:
         if score.violations or known is None:
-            return [FORBIDDEN * (1.0 + sum(score.violations.values()))]
-        return [log(max(known.objective, SMALLEST))]
+            return [_FORBIDDEN * (1.0 + sum(score.violations.values()))]
+        return [log(max(known.objective, _SMALLEST))]
     if known is None:
-        return [NONE, NONE]
-    return [-(max(known.objective, SMALLEST) ** -2), log(max(known.isu, SMALLEST))]
+        return [_NO_VALUE, _NO_VALUE]
+    return [-(max(known.objective, _SMALLEST) ** -2), log(max(known.isu, _SMALLEST))]

@@ -10,30 +10,24 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
-from nadrc_ros.adrc.fields import Declared, declared
+from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 
-SETTINGS = declared(ControllerSettings)
-ENTRY = re.compile(r'(fal_gains|fal_exponents)\[(\d)\]')
+_SETTINGS = declared(ControllerSettings)
+_LISTS = ('fal_gains', 'fal_exponents')
+_ENTRY_OF_A_LIST = re.compile(rf'({"|".join(_LISTS)})\[(\d)\]')
 # The outer bandwidth varies as a share of the inner one.
-SHARE = 'outer_share'
-LEVEL = 'feedback_level'
-SHARES: tuple[float, float] = (0.05, 2.0)
-# Of an own value that no rule bounds.
-AROUND: tuple[float, float] = (0.1, 10.0)
+_SHARE, _LEVEL = 'outer_share', 'feedback_level'
+_SHARES: tuple[float, float] = (0.05, 2.0)
+# Times the own value, for what no rule bounds.
+_AROUND: tuple[float, float] = (0.1, 10.0)
 # No bandwidth below so many over the duration settles within it.
-SLOWEST = 10.0
-DIGITS = 6
+_SLOWEST_TIMES_DURATION = 10.0
+_DIGITS = 6
 # The controller's bandwidth and the outer one as shares of the inner, and the level that feeds.
 # Textbooks want an observer faster than the controller; under noise the reverse is often better.
-RULES = (
-    (0.25, 0.75, 1),
-    (0.5, 0.5, 2),
-    (1.0, 0.5, 2),
-    (2.0, 0.5, 2),
-    (4.0, 0.5, 2),
-    (8.0, 0.5, 2),
-)
+_RULES = ((0.25, 0.75, 1), *((share, 0.5, 2) for share in (0.5, 1.0, 2.0, 4.0, 8.0)))
+_GOLDEN_RATIO = 0.618034
 
 
 @attrs.frozen
@@ -47,7 +41,8 @@ class Variable:
 
     def inside(self, value: float) -> float:
         """Return ``value``, or the end of the range that it lies beyond."""
-        return min(max(value, self.low), self.high)
+        inside = min(max(value, self.low), self.high)
+        return int(inside) if self.whole else inside
 
 
 def variables(
@@ -80,17 +75,17 @@ def default_variables(
     """
     Return by name what the structure and the feedback of a controller leave open.
 
-    Bandwidths lie between ``SLOWEST`` / duration and ``largest_wh`` times the rate, that of the
-    controller from a quarter of that on.
+    Bandwidths [rad/s] lie between 10 / ``duration`` [s] and ``largest_wh`` times the rate [Hz],
+    that of the controller from a quarter of that on.
     """
     levels = make_design(settings).levels
     top = largest_wh * rate
-    low = min(SLOWEST / duration, 0.1 * top)
+    low = min(_SLOWEST_TIMES_DURATION / duration, 0.1 * top)
     found = [Variable('inner_bandwidth', low, top / max(settings.pole_ratios))]
     if levels > 1:
-        found.append(Variable(SHARE, *SHARES))
+        found.append(Variable(_SHARE, *_SHARES))
     if levels > 2:
-        found.append(Variable('bandwidth_ratio', *SHARES))
+        found.append(Variable('bandwidth_ratio', *_SHARES))
     if settings.feedback == 'linear' or min(settings.fal_gains) == 0.0:
         found.append(Variable('controller_bandwidth', 0.25 * low, top))
     if settings.feedback == 'fal':
@@ -99,13 +94,13 @@ def default_variables(
     if settings.structure == 'nonlinear':
         found.append(_around('eso_delta', settings.eso_delta))
     if levels > 1:
-        found.append(Variable(LEVEL, 1.0, float(levels), whole=True))
+        found.append(Variable(_LEVEL, 1.0, float(levels), whole=True))
     return {variable.name: variable for variable in found}
 
 
 def _around(name: str, value: float) -> Variable:
-    field = SETTINGS[name.split('[')[0]]
-    low, high = sorted(value * factor for factor in AROUND)
+    field = _SETTINGS[name.split('[')[0]]
+    low, high = sorted(value * factor for factor in _AROUND)
     return Variable(
         name,
         max(low, -inf if field.low is None else field.low),
@@ -116,54 +111,51 @@ def _around(name: str, value: float) -> Variable:
 def _wanted(
     settings: ControllerSettings, known: Mapping[str, Variable], name: str, span: Any
 ) -> Variable:
-    path = f'vary.{name}'
-    values = {**_own_values(settings), **dict.fromkeys(known, 1.0)}
-    if name not in values:
-        raise UnknownName(path, span, did_you_mean(name, values))
+    path, own = f'vary.{name}', _numbers_of(settings)
+    if name not in known and name not in own:
+        raise UnknownName(path, span, did_you_mean(name, {**own, **known}))
     if span == ():
-        if name not in known and values[name] == 0.0:
+        if name not in known and own[name] == 0.0:
             raise SettingError(path, 'no range', f'given a range, {name}=low:high')
-        return known[name] if name in known else _around(name, values[name])
+        return known[name] if name in known else _around(name, own[name])
     low, high = span
     if low * high <= 0.0:
         raise SettingError(path, span, 'a range without 0: its scale is logarithmic')
-    field = SETTINGS.get(name.split('[')[0])
-    if field is not None and name != LEVEL and not (_fits(field, low) and _fits(field, high)):
-        raise SettingError(path, span, field.allowed())
-    if name == LEVEL:
+    if name == _LEVEL:
         levels = make_design(settings).levels
         if not 1 <= low < high <= levels or low % 1 or high % 1:
             raise SettingError(path, span, f'levels from 1 to {levels}')
-    return Variable(name, float(low), float(high), whole=name == LEVEL)
+    elif name != _SHARE:
+        field = _SETTINGS[name.split('[')[0]]
+        if not attrs.evolve(field, kind='numbers').accepts((low, high)):
+            raise SettingError(path, span, field.allowed())
+    return Variable(name, float(low), float(high), whole=name == _LEVEL)
 
 
-def _fits(field: Declared, value: float) -> bool:
-    return field.low is None or field.high is None or field.low <= value <= field.high
-
-
-def _own_values(settings: ControllerSettings) -> dict[str, float]:
+def _numbers_of(settings: ControllerSettings) -> dict[str, float]:
     """Return the settings that are numbers, entries of lists by their index."""
     found: dict[str, float] = {}
-    for name, field in SETTINGS.items():
-        value = getattr(settings, name)
+    for name, field in _SETTINGS.items():
         if field.kind == 'number':
-            found[name] = value
-        elif field.kind == 'numbers' and name in ('fal_gains', 'fal_exponents'):
-            found |= {f'{name}[{i}]': entry for i, entry in enumerate(value)}
+            found[name] = getattr(settings, name)
+        elif name in _LISTS:
+            found |= {f'{name}[{i}]': entry for i, entry in enumerate(getattr(settings, name))}
     return found
 
 
 def values_of(settings: ControllerSettings, varied: Sequence[Variable]) -> dict[str, float]:
     """Return the numbers of a controller that vary, moved into their ranges."""
-    own = _own_values(settings)
-    own[SHARE] = settings.outer_bandwidth / settings.inner_bandwidth
-    own[LEVEL] = 1.0 + make_design(settings).feedback_level
+    own = _numbers_of(settings)
+    own[_SHARE] = settings.outer_bandwidth / settings.inner_bandwidth
+    own[_LEVEL] = 1.0 + make_design(settings).feedback_level
     return {v.name: v.inside(own[v.name]) for v in varied}
 
 
 def designed(settings: ControllerSettings, values: Mapping[str, float]) -> ControllerSettings:
     """
     Return the controller with the numbers of a design, rounded to what a file shows.
+
+    So what was scored is what is written, and running the file gives the same figures.
 
     Raises
     ------
@@ -173,25 +165,22 @@ def designed(settings: ControllerSettings, values: Mapping[str, float]) -> Contr
     """
     changes: dict[str, Any] = {}
     for name, value in values.items():
-        entry = ENTRY.fullmatch(name)
-        if entry:
-            key, index = entry[1], int(entry[2])
-            entries = list(changes.get(key, getattr(settings, key)))
-            entries[index] = rounded(value)
-            changes[key] = tuple(entries)
-        elif name == LEVEL:
+        if entry := _ENTRY_OF_A_LIST.fullmatch(name):
+            entries = list(changes.get(entry[1], getattr(settings, entry[1])))
+            entries[int(entry[2])] = _rounded(value)
+            changes[entry[1]] = tuple(entries)
+        elif name == _LEVEL:
             changes[name] = str(round(value))
-        elif name != SHARE:
-            changes[name] = rounded(value)
-    if SHARE in values:
+        elif name != _SHARE:
+            changes[name] = _rounded(value)
+    if _SHARE in values:
         inner = changes.get('inner_bandwidth', settings.inner_bandwidth)
-        changes['outer_bandwidth'] = rounded(values[SHARE] * inner)
+        changes['outer_bandwidth'] = _rounded(values[_SHARE] * inner)
     return attrs.evolve(settings, **changes)
 
 
-def rounded(value: float) -> float:
-    """Return ``value`` with the digits that are kept."""
-    return float(f'{value:.{DIGITS}g}')
+def _rounded(value: float) -> float:
+    return float(f'{value:.{_DIGITS}g}')
 
 
 def first_designs(
@@ -202,17 +191,18 @@ def first_designs(
     inner = next((v for v in varied if v.name == 'inner_bandwidth'), None)
     found = [own]
     for i in range(count - 1):
-        share, outer, level = RULES[i % len(RULES)]
+        share, outer, level = _RULES[i % len(_RULES)]
         w = settings.inner_bandwidth
         if inner is not None:
             # The golden ratio spreads any number of bandwidths evenly, whatever the rule.
-            w = exp(log(inner.low) + (0.618034 * (i + 1) % 1.0) * log(inner.high / inner.low))
+            step = _GOLDEN_RATIO * (i + 1) % 1.0
+            w = exp(log(inner.low) + step * log(inner.high / inner.low))
         rule = {
             'inner_bandwidth': w,
-            SHARE: outer,
+            _SHARE: outer,
             'outer_bandwidth': outer * w,
             'controller_bandwidth': share * w,
-            LEVEL: float(level),
+            _LEVEL: float(level),
         }
         found.append({v.name: v.inside(rule.get(v.name, own[v.name])) for v in varied})
     return found
