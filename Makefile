@@ -117,7 +117,7 @@ build: $(BUILT)
 
 $(BUILT): $(FILES) setup.py setup.cfg package.xml $(VENV)/on-$(ROS) | $(VENV)/run
 	@source $(VENV)/bin/activate
-	rm -f install/.built-*
+	rm -rf build install # of a file that went, or became a folder, colcon leaves the old one
 	python -c 'import sys; from colcon_core.command import main; sys.exit(main())' --log-base log \
 		build --paths . --event-handlers desktop_notification- status- summary- console_start_end- \
 		|| $(call fail,colcon could not build the package; its log is in log/latest_build)

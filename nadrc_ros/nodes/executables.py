@@ -15,6 +15,8 @@ def _run(node: str) -> int:
     try:
         module = import_module(f'nadrc_ros.nodes.{node}')
     except ImportError as error:
+        if (error.name or '').startswith('nadrc_ros'):
+            raise
         print(
             f'the {node} needs ROS 2 Jazzy, which is not here ({error}): source its setup.bash, '
             'or let `make demo` in the source tree install it in .venv (Linux on x86-64)',
