@@ -9,12 +9,11 @@ from typing import Any, ClassVar, TypeVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
-from nadrc_ros.ros.arguments import overrides, own_rules, tell_unused
+from nadrc_ros.ros.arguments import overrides, own_rules, refuse_unheard, tell_unused
 from nadrc_ros.ros.diagnostics import Diagnostics, Events, OK, Remarks, Report
 from nadrc_ros.ros.graph import InputWatch, Namesakes
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.pacing import PacingSettings, Ticker
-from nadrc_ros.ros.parameter_files import refuse_unheard
 from nadrc_ros.ros.parameters import (
     ParameterGroup,
     refuse_unknown,

@@ -17,10 +17,9 @@ import traceback
 from typing import IO
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.ros.arguments import NodeParser, rules_of, tell_unused
+from nadrc_ros.ros.arguments import NodeParser, refuse_malformed, rules_of, tell_unused
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
-from nadrc_ros.ros.parameter_files import refuse_malformed
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException

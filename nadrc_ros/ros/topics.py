@@ -54,29 +54,13 @@ _LITTLE, _BIG = Struct('<4sd'), Struct('>4sd')
 
 @attrs.define(eq=False)
 class Input:
-    """
-    A topic that a node reads.
-
-    Attributes
-    ----------
-    topic
-        Its full name.
-    count
-        Samples that came.
-    silence
-        Level of what is said when nothing comes, None for nothing unless it is a mistake.
-    regular
-        Whether samples have to go on coming after the first one.
-    sole
-        Whether there should be one publisher only.
-
-    """
+    """A topic that a node reads, by its full name, and how many samples came."""
 
     topic: str
     qos: QoSProfile
-    silence: bytes | None
-    regular: bool
-    sole: bool
+    silence: bytes | None  # level of what is said of it, None for nothing but a mistake
+    regular: bool  # whether samples have to go on coming after the first one
+    sole: bool  # whether there should be one publisher only
     count: int = 0
     subscription: Any = None
 

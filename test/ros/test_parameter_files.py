@@ -7,7 +7,7 @@ import signal
 from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.ros.parameter_files import refuse_malformed, refuse_unheard
+from nadrc_ros.ros.arguments import refuse_malformed, refuse_unheard
 from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER
 from probe import parameter_file, Probe, Processes
 import pytest
