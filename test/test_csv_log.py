@@ -62,6 +62,13 @@ def test_seconds_are_assumed_aloud_where_nothing_tells_the_unit(tmp_path: Path) 
     assert 'assumed' not in read_run(written(tmp_path, 't;' + clock)).told
 
 
+def test_nanoseconds_taken_for_seconds_are_a_long_log(tmp_path: Path) -> None:
+    rows = ''.join(f'{10_000_000 * k},{k},{-k}\n' for k in range(3000))
+    run = read_run(written(tmp_path, 't,y,u\n' + rows))
+    assert run.time == pytest.approx(1e7 * np.arange(3000), rel=1e-12)
+    assert (run.command == -run.columns['measurement']).all() and run.rate == pytest.approx(1e-7)
+
+
 def test_columns_that_are_named_are_taken(tmp_path: Path) -> None:
     path = written(tmp_path, 't,y,u,x1,true\n0,1,2,3,4\n2,1,2,5,6\n')
     signals = {'measurement': 'x1', 'command': '2', 'output': 'true'}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -163,11 +162,6 @@ class RecordedRun:
     def gap_time(self) -> float:
         """Return the time that no figure counts, as nothing is known of it [s]."""
         return self._sums.gap_time
-
-    def figure_of_merit(self, name: str) -> float | None:
-        """Return one of the figures, None where the run does not tell it."""
-        value = float(getattr(self.metrics, name))
-        return None if isnan(value) else value
 
     @property
     def gaps(self) -> int:

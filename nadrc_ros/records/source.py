@@ -71,7 +71,7 @@ def rows_of(
     times = np.concatenate([stamps[name] for name in names])
     order = np.argsort(times, kind='stable')
     signal = np.repeat(np.arange(len(names)), [len(stamps[name]) for name in names])
-    when = np.rint(SECOND * (times - times[order[0]])).astype(np.int64)
+    when = np.rint(SECOND * (times - times[order[0]]))  # perhaps more than 64 bits hold
     value = np.concatenate([values[name] for name in names])
     rows = Rows(names)
     columns = {name: array('d') for name in ('time', *names)}
@@ -85,7 +85,7 @@ def rows_of(
     for begin in range(0, len(order), _SAMPLES_AT_ONCE):
         part = order[begin : begin + _SAMPLES_AT_ONCE]
         for k, time, number in zip(*(each[part].tolist() for each in (signal, when, value))):
-            rows.take(names[k], time, number)
+            rows.take(names[k], int(time), number)
         keep(rows.close(int(when[part[len(part) // 2]]) - 1))  # a row needs what comes soon after
     keep(rows.end())
     assert rows.begin is not None

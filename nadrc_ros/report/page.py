@@ -27,11 +27,11 @@ _NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
 
 def page(runs: Mapping[str, RecordedRun]) -> str:
     """Return the whole page on these runs, by name."""
-    moments = numbered({name: run.changes for name, run in runs.items()})
-    plotter = Plotter(runs, moments)
+    marked = numbered({name: run.changes for name, run in runs.items()})
+    plotter = Plotter(runs, marked)
     sections = {
         'figures': ('Figures of merit', tables.figures_of_merit(runs)),
-        'changes': ('Changes on the way', _changes(moments, list(runs))),
+        'changes': ('Changes on the way', _changes(marked, list(runs))),
         'events': ('What happened', tables.events(runs)),
         'output': ('Output and reference', _plot(plotter.output())),
         'error': ('Error', _note(_which_error(runs)) + _plot(plotter.error())),
@@ -45,7 +45,7 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
     there = {name: section for name, section in sections.items() if section[1]}
     links = (f'<a href="#{name}">{title}</a>' for name, (title, _) in there.items())
     title = title_of(runs)
-    body = [f'<h1>{escape(title)}</h1>\n', verdict(summary_of(runs, moments))]
+    body = [f'<h1>{escape(title)}</h1>\n', verdict(summary_of(runs, marked))]
     body += [f'<nav>{" ".join(links)}</nav>\n']
     body += [heading(title, name) + content for name, (title, content) in there.items()]
     return document(title, ''.join(body) + _scripts(), f'<style>{_text("report.css")}</style>\n')
@@ -73,14 +73,14 @@ def _plot(plot: Plot) -> str:
     )
 
 
-def _changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
-    if not moments:
+def _changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
+    if not marked:
         return ''
-    count = sum(len(moment.changes) for moment in moments)
+    count = sum(len(mark.changes) for mark in marked)
     more = count - tables.MOST_LISTED
     return (
         _note('The plots over time mark each by its number.')
-        + tables.changes(moments, runs)
+        + tables.changes(marked, runs)
         + _note(f'{more} more are not listed.' if more > 0 else '')
     )
 

@@ -39,13 +39,11 @@ class Plot:
 
 
 class Plotter:
-    """Draws runs, each in its colour, with the moments at which something was changed."""
+    """Draws runs, each in its colour, with marks where something was changed."""
 
-    def __init__(
-        self, runs: Mapping[str, RecordedRun], moments: Sequence[NumberedChanges]
-    ) -> None:
+    def __init__(self, runs: Mapping[str, RecordedRun], marked: Sequence[NumberedChanges]) -> None:
         self.runs = runs
-        self._moments = moments[:_MOST_MARKED]
+        self._marked = marked[:_MOST_MARKED]
         self._looks = {
             name: {'color': colour, 'dash': dash, 'width': 1.5}
             for name, colour, dash in zip(runs, cycle(COLOURS), cycle(_DASHES))
@@ -218,10 +216,10 @@ class Plotter:
         figure = base(title, 'time [s]')
         figure.update_xaxes(range=self._span)
         figure.update_layout(hovermode='x unified')
-        for moment in self._moments:
-            figure.add_vline(moment.time, line={'color': INK, 'width': 1, 'dash': 'dot'})
+        for mark in self._marked:
+            figure.add_vline(mark.time, line={'color': INK, 'width': 1, 'dash': 'dot'})
             figure.add_annotation(
-                x=moment.time, y=1.0, yref='paper', text=str(moment.number), showarrow=False,
+                x=mark.time, y=1.0, yref='paper', text=str(mark.number), showarrow=False,
                 xanchor='left', yanchor='top', xshift=2, bgcolor='rgba(255,255,255,0.8)',
             )  # fmt: skip
         return figure

@@ -24,10 +24,10 @@ def title_of(runs: Mapping[str, RecordedRun]) -> str:
     return f'{", ".join(names[:-1])} and {names[-1]} compared'
 
 
-def summary_of(runs: Mapping[str, RecordedRun], moments: Sequence[NumberedChanges]) -> str:
+def summary_of(runs: Mapping[str, RecordedRun], marked: Sequence[NumberedChanges]) -> str:
     """Return a paragraph of HTML."""
     well = _alone if len(runs) == 1 else _compared
-    sentences = [_what(runs), well(runs), *_lost(runs), _changed(moments)]
+    sentences = [_what(runs), well(runs), *_lost(runs), _changed(marked)]
     return ' '.join(filter(None, sentences))
 
 
@@ -124,8 +124,8 @@ def losses(run: RecordedRun) -> list[str]:
     return found
 
 
-def _changed(moments: Sequence[NumberedChanges]) -> str:
-    count = sum(len(moment.changes) for moment in moments)
+def _changed(marked: Sequence[NumberedChanges]) -> str:
+    count = sum(len(mark.changes) for mark in marked)
     if not count:
         return ''
     return f'There {"were" if count > 1 else "was"} {_counted(count)} on the way.'

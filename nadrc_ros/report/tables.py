@@ -54,17 +54,17 @@ def figures_of_merit(runs: Mapping[str, RecordedRun]) -> str:
     """Return a row for each figure; the lowest in bold, all digits where the pointer rests."""
     rows = []
     for key, label, meaning in FIGURES:
-        values = [run.figure_of_merit(key) for run in runs.values()]
-        known = [value for value in values if value is not None] if comparable(runs) else []
-        cells = [_MISSING if v is None else _figure(key, v, known) for v in values]
+        values = [float(getattr(run.metrics, key)) for run in runs.values()]
+        rivals = values if comparable(runs) else []
+        cells = [_MISSING if isnan(value) else _figure(key, value, rivals) for value in values]
         rows.append([_labelled(f'<b>{label}</b>', meaning), *cells])
     rows += _counted(runs)
     return table(['', *map(escape, runs)], rows)
 
 
-def _figure(key: str, value: float, all_of_them: Sequence[float]) -> str:
+def _figure(key: str, value: float, rivals: Sequence[float]) -> str:
     text = f'<span title="{value!r}">{shown(key, value)}</span>'
-    return f'<b>{text}</b>' if all_of_them and wins(value, all_of_them) else text
+    return f'<b>{text}</b>' if wins(value, rivals) else text
 
 
 def _labelled(label: str, meaning: str) -> str:
@@ -86,29 +86,26 @@ def _count(value: object) -> str:
     return str(value) if isinstance(value, int) else _MISSING
 
 
-def changes(moments: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
+def changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
     """Return a row for each change of a parameter, with the number of its mark in the plots."""
-    several = len(runs) > 1
     rows = [
-        [
-            str(moment.number),
-            f'{moment.time:.4g}\u00a0s',
-            *([escape(', '.join(run for run in runs if run in names))] if several else []),
-            escape(node_of(change.node)),
-            escape(change.name),
-            escape(text_of(change.before)),
-            escape(text_of(change.after)),
-        ]
-        for moment in moments
-        for change, names in moment.changes
+        {
+            'mark': str(mark.number),
+            'time': f'{mark.time:.4g}\u00a0s',
+            'run': ', '.join(run for run in runs if run in names),
+            'node': node_of(change.node),
+            'parameter': change.name,
+            'from': text_of(change.before),
+            'to': text_of(change.after),
+        }
+        for mark in marked
+        for change, names in mark.changes
     ]
-    header = ['mark', 'time', *(['run'] if several else []), 'node', 'parameter', 'from', 'to']
-    return table(header, rows[:MOST_LISTED], words=range(len(header)))
+    return _listing(rows, several=len(runs) > 1)
 
 
 def events(runs: Mapping[str, RecordedRun]) -> str:
     """Return a row for each thing that happened during the runs, '' if nothing is known of it."""
-    several = len(runs) > 1
     found = [
         (event.time, name, event)
         for name, run in runs.items()
@@ -116,16 +113,22 @@ def events(runs: Mapping[str, RecordedRun]) -> str:
         if event.time is not None
     ]
     rows = [
-        [
-            f'{time:.4g}\u00a0s',
-            *([escape(name)] if several else []),
-            escape(node_of(event.node)),
-            escape(event.message),
-        ]
+        {
+            'time': f'{time:.4g}\u00a0s',
+            'run': name,
+            'node': node_of(event.node),
+            'event': event.message,
+        }
         for time, name, event in sorted(found, key=lambda each: each[0])
     ]
-    header = ['time', *(['run'] if several else []), 'node', 'event']
-    return table(header, rows[:MOST_LISTED], words=range(len(header))) if rows else ''
+    return _listing(rows, several=len(runs) > 1)
+
+
+def _listing(rows: Sequence[Mapping[str, str]], several: bool) -> str:
+    """Return a table of plain text by column, without that of the run where there is only one."""
+    header = [name for name in (rows[0] if rows else ()) if several or name != 'run']
+    cells = [[escape(row[name]) for name in header] for row in rows[:MOST_LISTED]]
+    return table(header, cells, words=range(len(header))) if rows else ''
 
 
 def _with_ends(events: Sequence[Event]) -> list[Event]:
