@@ -163,6 +163,13 @@ def test_levels_are_equally_fast_and_those_of_a_cascade_each_twice_as_fast(
     assert make_design(settings).bandwidths == [30.0 * pace for pace in paces]
 
 
+@pytest.mark.parametrize('half', [False, True])
+def test_half_gains_are_named_where_they_act(half: bool) -> None:
+    design = first_design(wanted(half_gain=half))
+    assert ('half of the observer gains' in ' '.join(design.rules)) == half
+    assert design.chosen.settings.observer_gain_factor == (0.5 if half else 1.0)
+
+
 def test_the_advice_follows_the_disturbance() -> None:
     for frequency, chosen in ((0.0, 'nested_2'), (8.0, 'nested_3'), (25.0, 'conventional')):
         design = first_design(wanted(disturbance_frequency=frequency))

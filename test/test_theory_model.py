@@ -181,6 +181,9 @@ def test_norms_of_what_is_known() -> None:
     for zeta in (0.3, 0.01):
         peak = 1.0 / (2.0 * zeta * np.sqrt(1.0 - zeta**2))
         assert h_infinity_norm(resonance(zeta)) == pytest.approx(peak, rel=1e-8)
+        one = resonance(zeta)
+        two = one._replace(c=np.vstack([one.c, 2.0 * one.c]), d=np.vstack([one.d, 2.0 * one.d]))
+        assert h_infinity_norm(two) == pytest.approx(5.0**0.5 * peak, rel=1e-8)
     overshoot = np.exp(-np.pi * 0.3 / np.sqrt(1 - 0.09))
     area = (1 + overshoot) / (1 - overshoot)  # of |impulse|: half-waves in geometric progression
     assert l1_norm(resonance(0.3)) == pytest.approx([area], rel=1e-3)
