@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections import namedtuple
 from math import cos, exp, nan, pi, sin
 from typing import Any
 
-import attrs
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.simulation.kernel import fields_of
 from nadrc_ros.simulation.protocols import Signal
 from nadrc_ros.simulation.signals import (
     make_signal,
@@ -216,10 +215,7 @@ def test_make_signal_picks_its_own_fields_and_refuses_unknown_ones() -> None:
 def compiled(value: Any, method: str) -> tuple[Any, Any]:
     """Return the method under numba and its object as a named tuple of the same fields."""
     numba = pytest.importorskip('numba')
-    fields = attrs.asdict(value, recurse=False)
-    make: Any = namedtuple  # a tuple without fields has no type, hence the pad
-    record = make('record', [*fields, 'pad'])
-    return numba.njit(getattr(type(value), method)), record(*fields.values(), 0.0)
+    return numba.njit(getattr(type(value), method)), fields_of(value)
 
 
 @pytest.mark.parametrize('name', SIGNALS)

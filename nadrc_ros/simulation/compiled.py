@@ -88,41 +88,17 @@ def compiled_loop(
         _register(function)
 
     def loop(
-        plant: Any,
-        reference_signal: Any,
-        disturbance: Any,
-        design: Any,
-        state: Any,
-        spare: Any,
-        policy: Any,
-        command: float,
-        known: int,
-        r: Any,
-        reference: Any,
-        x: Any,
-        x_next: Any,
-        w: Any,
-        work: Any,
-        k: int,
-        stop: int,
-        rate: float,
-        substeps: int,
-        b0: float,
-        order: int,
-        tracking: bool,
-        noise: Any,
-        noise_start: int,
-        acc: Any,
-        remainders: Any,
-        counts: Any,
-        rows: Any,
+        things: Any, law: Any, buffers: Any, constants: Any, begin: Any, sums: Any, rows: Any
     ) -> Any:
+        plant, reference_signal, disturbance = unowned(things)
+        design, state, spare = unowned(law)
+        noise, r, reference, x, x_next, w, work = unowned(buffers)
+        rate, substeps, b0, known, tracking = constants
+        k, stop, noise_start, command, policy = begin
+        acc, remainders, counts = unowned(sums)
+        rows = unowned(rows)
         h = 1.0 / rate
         first = k
-        plant, reference_signal, disturbance = unowned((plant, reference_signal, disturbance))
-        design, state, spare = unowned((design, state, spare))
-        r, reference, x, x_next, w, work = unowned((r, reference, x, x_next, w, work))
-        noise, acc, remainders, counts, rows = unowned((noise, acc, remainders, counts, rows))
         lost = isnan(x[0])
         status = 0
         while k < stop:

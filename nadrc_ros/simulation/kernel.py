@@ -47,38 +47,22 @@ class Kernel:
     def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
         """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""
         experiment, plant_run, running = loop.experiment, loop.plant_run, loop.controller
-        design = running.design
-        states = [tuple_of(state) for state in (running.state, blank_state(design))]
+        states = [tuple_of(state) for state in (running.state, blank_state(running.design))]
         acc, remainders = np.array(loop.metrics.sums), np.array(loop.remainders)
         counts = np.zeros(len(Status), dtype=np.int64)
         reference = np.array(running.reference)
+        r, w = np.zeros(REFERENCE_DERIVATIVES + 1), np.zeros(1)
         xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
+        known = 1 + running.settings.received_derivatives
+        tracking = experiment.error == 'tracking'
         try:
             k, status, command, policy, last = self.compiled(
-                *self.fields,
-                tuple_of(design),
-                *states,
-                running.policy,
-                running.command,
-                1 + running.settings.received_derivatives,
-                np.zeros(REFERENCE_DERIVATIVES + 1),
-                reference,
-                xs[0],
-                xs[1],
-                np.zeros(1),
-                np.array(make_work(len(xs[0]))),
-                plant_run.k,
-                stop,
-                float(experiment.rate),
-                plant_run.substeps,
-                float(plant_run.plant.b0),
-                plant_run.plant.order,
-                experiment.error == 'tracking',
-                loop.noise,
-                loop.noise_start,
-                acc,
-                remainders,
-                counts,
+                self.fields,
+                (tuple_of(running.design), *states),
+                (loop.noise, r, reference, *xs, w, np.array(make_work(xs.shape[1]))),
+                (experiment.rate, plant_run.substeps, float(plant_run.plant.b0), known, tracking),
+                (plant_run.k, stop, loop.noise_start, running.command, running.policy),
+                (acc, remainders, counts),
                 rows,
             )
         except Exception:  # what is wrong with a plant is told by running it in plain Python

@@ -13,7 +13,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from math import cos, exp, floor, pi, sin, sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 import attrs
 from nadrc_ros.adrc.fields import (
@@ -165,6 +165,8 @@ class Sine(_Wave):
     Each derivative multiplies by the frequency and turns the angle on by a right angle.
     """
 
+    quarter_ahead: ClassVar[bool] = False
+
     def derivatives(self, t: float, out: MutableVector) -> None:
         """Write s(t), s'(t), ... into ``out``."""
         gain = 0.0
@@ -173,6 +175,8 @@ class Sine(_Wave):
         angle = self.frequency * (t - self.start_time) + self.phase
         now = sin(angle)
         ahead = cos(angle)
+        if self.quarter_ahead:
+            now, ahead = ahead, -now
         for k in range(len(out)):
             out[k] = gain * now
             gain = gain * self.frequency
@@ -181,22 +185,10 @@ class Sine(_Wave):
 
 
 @attrs.frozen(kw_only=True)
-class Cosine(_Wave):
-    """s(t) = offset + amplitude cos(frequency (t - start_time) + phase), derived like a sine."""
+class Cosine(Sine):
+    """s(t) = offset + amplitude cos(frequency (t - start_time) + phase)."""
 
-    def derivatives(self, t: float, out: MutableVector) -> None:
-        """Write s(t), s'(t), ... into ``out``."""
-        gain = 0.0
-        if t >= self.start_time:
-            gain = self.amplitude
-        angle = self.frequency * (t - self.start_time) + self.phase
-        now = cos(angle)
-        ahead = -sin(angle)
-        for k in range(len(out)):
-            out[k] = gain * now
-            gain = gain * self.frequency
-            now, ahead = ahead, -now
-        out[0] = self.offset + out[0]
+    quarter_ahead: ClassVar[bool] = True
 
 
 @attrs.frozen(kw_only=True)
