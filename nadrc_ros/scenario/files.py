@@ -11,7 +11,7 @@ from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.user_code import ScenarioError
 from nadrc_ros.yaml_text import read_yaml, write_yaml
 
-PACKAGE = 'nadrc_ros'
+_PACKAGE = 'nadrc_ros'
 
 
 def load(path: str | Path) -> Scenario:
@@ -117,8 +117,8 @@ def _config_folders() -> list[Path]:
     try:
         from ament_index_python.packages import get_package_share_directory
 
-        folders.append(Path(get_package_share_directory(PACKAGE)) / 'config')
+        folders.append(Path(get_package_share_directory(_PACKAGE)) / 'config')
     except (ImportError, LookupError, OSError):
         pass  # no ROS here, none that is sourced, or none that knows the package
-    folders.append(Path(sys.prefix) / 'share' / PACKAGE / 'config')
+    folders.append(Path(sys.prefix) / 'share' / _PACKAGE / 'config')
     return folders

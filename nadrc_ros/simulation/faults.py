@@ -26,13 +26,14 @@ F = TypeVar('F', 'MeasurementFault', 'CommandFault')
 
 def first_period(time: float, rate: float) -> int:
     """Return the first k with k / rate at or after ``time`` [s]."""
+    # Not the product alone: 0.07 * 100 is above 7 by rounding, and yet 7 / 100 is at 0.07.
     k = max(ceil(time * rate) - 2, 0)
     while k / rate < time:
         k += 1
     return k
 
 
-class Sample(NamedTuple):
+class SentSample(NamedTuple):
     """
     A measurement on its way.
 
@@ -56,7 +57,7 @@ class Acting(Generic[F]):
             self.end = self.begin + first_period(fault.duration, rate)
         self.k = 0
         self.held: float | None = None
-        self.late: deque[tuple[int, Sample]] = deque()
+        self.late: deque[tuple[int, SentSample]] = deque()
         self._generator = np.random.Generator(np.random.PCG64(seed))
 
     def acts(self, k: int) -> bool:
@@ -82,7 +83,7 @@ class Acting(Generic[F]):
         """Return a random number from 0 to 1."""
         return float(self._generator.random())
 
-    def arrived(self) -> list[Sample]:
+    def arrived(self) -> list[SentSample]:
         """Return the samples that were kept back until now."""
         arrived = []
         while self.late and self.late[0][0] <= self.k:
@@ -91,27 +92,17 @@ class Acting(Generic[F]):
 
 
 # What becomes of one sample, of its value alone, of one command.
-Deliver = Callable[[Acting['MeasurementFault'], Sample], list[Sample]]
+Deliver = Callable[[Acting['MeasurementFault'], SentSample], list[SentSample]]
 Spoil = Callable[[Acting['MeasurementFault'], float], float]
 Act = Callable[[Acting['CommandFault'], float], float]
 
 
-def _delayed(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    return _sent_late(acting, sample, first_period(acting.fault.time, acting.rate))
-
-
-def _reordered(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    return _sent_late(acting, sample, _OVERTAKEN)
-
-
-def _sent_late(acting: Acting[MeasurementFault], sample: Sample, periods: int) -> list[Sample]:
+def _sent_late(
+    acting: Acting[MeasurementFault], sample: SentSample, periods: int
+) -> list[SentSample]:
     """Keep a sample back before it is sent and stamped, as a slow sensor does."""
     acting.late.append((acting.k + periods, sample._replace(stamp=sample.stamp + periods)))
     return []
-
-
-def _jumped(acting: Acting[MeasurementFault], sample: Sample) -> list[Sample]:
-    return [sample._replace(stamp=sample.stamp + acting.fault.time * acting.rate)]
 
 
 def _slow(acting: Acting[MeasurementFault], value: float) -> float:
@@ -138,10 +129,14 @@ def _rate_limited(acting: Acting[CommandFault], command: float) -> float:
 _DELIVERIES: dict[str, Deliver] = {
     'silent': lambda acting, sample: [],
     'intermittent': lambda acting, sample: [],
-    'delayed': _delayed,
+    'delayed': lambda acting, sample: _sent_late(
+        acting, sample, first_period(acting.fault.time, acting.rate)
+    ),
     'duplicated': lambda acting, sample: [sample, sample],
-    'reordered': _reordered,
-    'clock_jump': _jumped,
+    'reordered': lambda acting, sample: _sent_late(acting, sample, _OVERTAKEN),
+    'clock_jump': lambda acting, sample: [
+        sample._replace(stamp=sample.stamp + acting.fault.time * acting.rate)
+    ],
 }
 # With these each period has its one sample.
 _SPOILT: dict[str, Spoil] = {
@@ -267,13 +262,14 @@ class Injector:
                 after[i] = Acting(fault, self._rate, k, (self._seed, i))
         return after
 
-    def deliver(self, k: int, value: float, *, still: bool = False) -> list[Sample]:
+    def deliver(self, k: int, value: float, *, still: bool = False) -> list[SentSample]:
         """
         Return the samples that arrive in period ``k``, in which ``value`` is measured.
 
-        While time stands ``still`` none is late: it would never come.
+        While time stands ``still``, as before the first command of a loop on the graph, none is
+        late: it would never come, the controller would wait for it, and the loop would not begin.
         """
-        samples = [Sample(value, float(k), k)]
+        samples = [SentSample(value, float(k), k)]
         for acting in self._measurement.values():
             if acting.acts(k) and not (still and acting.fault.kind in _LATE):
                 samples = _pass_on(acting, samples)
@@ -306,7 +302,7 @@ class Injector:
         return min((each.begin for _, each in self._all if each.begin >= k), default=_NEVER)
 
 
-def _pass_on(acting: Acting[MeasurementFault], samples: list[Sample]) -> list[Sample]:
+def _pass_on(acting: Acting[MeasurementFault], samples: list[SentSample]) -> list[SentSample]:
     fault, passed = acting.fault, []
     for sample in samples:
         hit = fault.probability == 1.0 or acting.uniform() < fault.probability

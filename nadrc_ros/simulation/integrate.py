@@ -83,7 +83,7 @@ def integrate(
         start = t + j * step
         middle = start + 0.5 * step
         end = t + (j + 1) * step
-        if j > 0:  # w is that of the last end
+        if j > 0:  # w is still that of the last end, which is this start
             derivative(plant, start, out, u, w[0], work[0])
         for i in range(size):
             stage[i] = out[i] + 0.5 * step * work[0][i]

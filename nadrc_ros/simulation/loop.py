@@ -9,7 +9,7 @@ import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.faults import first_period, Sample
+from nadrc_ros.simulation.faults import first_period, SentSample
 from nadrc_ros.simulation.metrics import accumulate_remainders, Metrics
 from nadrc_ros.simulation.protocols import Signal
 import numpy as np
@@ -67,7 +67,7 @@ class Loop:
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
         self.noise_start = 0
-        self._newest = Sample(nan, -1.0, -1)
+        self._newest = SentSample(nan, -1.0, -1)
         self._settings = settings
         self._changes = [
             (first_period(retune.time, experiment.rate), retune.settings)
@@ -81,6 +81,8 @@ class Loop:
         Periods that the kernel leaves are done here: those in which settings change or something
         goes wrong.
         """
+        # The kernel knows of one sample a period, in time, and of one span, h. It may therefore
+        # not begin where the sample before was lost or late: the next one spans more than h.
         steps, plant_run = self.experiment.steps, self.plant_run
         while plant_run.k < steps:
             drawn = self.noise_start + len(self.noise)
@@ -93,7 +95,7 @@ class Loop:
                 stop = min(stop, self._changes[0][0]) if self._changes else stop
                 if plant_run.k < stop and not kernel(self, stop, rows):
                     kernel = None
-                self._newest = Sample(nan, plant_run.k - 1.0, plant_run.k - 1)
+                self._newest = SentSample(nan, plant_run.k - 1.0, plant_run.k - 1)
                 if plant_run.k == drawn:
                     continue
             self._period(rows)
@@ -141,14 +143,14 @@ class Loop:
             rows[k, : len(row)] = row
         plant_run.advance(acting)
 
-    def _take(self, samples: list[Sample]) -> tuple[float, float]:
+    def _take(self, samples: list[SentSample]) -> tuple[float, float]:
         """Return the newest sample that arrived, nan if none did, and the time it spans [s]."""
         if not samples:
             return nan, 0.0
         sample, before = max(samples, key=lambda each: each.number), self._newest
         dt = (sample.stamp - before.stamp) * self.experiment.period
-        if sample.number <= before.number:  # late, or twice
-            return sample.value, min(dt, 0.0)
+        if sample.number <= before.number:  # late, or twice: the law must refuse it by its time,
+            return sample.value, min(dt, 0.0)  # also where a clock that jumped stamped it ahead
         self._newest = sample
         return sample.value, dt
 

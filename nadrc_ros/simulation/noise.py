@@ -84,6 +84,8 @@ class NoiseSource:
         if indices[0] < held:
             raise ValueError(f'period {k} lies before one that was already read')
         missing = int(indices[-1]) - held
+        # However the periods are cut into blocks, each sample is drawn once and in order: drawn
+        # for one that nobody reads too, or a run that skips periods had other noise after it.
         if missing > count > 1:  # more samples than periods need not all be there at once
             return np.concatenate([self.block(i, 1) for i in range(k, k + count)])
         while count == 1 < missing:
