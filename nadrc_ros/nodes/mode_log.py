@@ -11,12 +11,12 @@ from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
 
 # As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.
 COUNT, SECONDS = 30, 60.0
-ACTIONS = {
+_ACTIONS = {
     Mode.HOLDING: 'holding',
     Mode.RAMPING: 'going to the safe command',
     Mode.SAFE: 'at the safe command',
 }
-REASONS = {
+_REASONS = {
     Cause.NONE: 'restarting',
     Cause.START: 'no valid measurement yet',
     Cause.STALLED: 'no nearer to the reference at a limit of the command, until enabled anew',
@@ -72,8 +72,8 @@ def describe(mode: Mode, cause: Cause, silent: bool = False) -> str:
     """
     if mode == Mode.OK:
         return 'in control'
-    action = 'silent' if silent and cause == Cause.DISABLED else ACTIONS[mode]
-    return f'{action}: {REASONS[cause]}'
+    action = 'silent' if silent and cause == Cause.DISABLED else _ACTIONS[mode]
+    return f'{action}: {_REASONS[cause]}'
 
 
 def jump(settings: ControllerSettings, applied: float, command: float, allowed: float) -> str:

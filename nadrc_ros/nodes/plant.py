@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import isfinite
 import time
 from typing import Any
@@ -16,7 +15,7 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
-from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL
+from nadrc_ros.ros.signals import behind, DISTURBANCE, NOISE_SIGNAL, without
 from nadrc_ros.ros.topics import Info
 from nadrc_ros.scenario.specs import PLANT, PlantSpec
 from nadrc_ros.scenario.user_code import class_fields
@@ -175,9 +174,9 @@ class PlantNode(LiveNode):
 
     def _make_faults(self, values: dict[str, Any]) -> Faults:
         measurement = build(
-            MeasurementFault, _without(_MEASUREMENT_FAULT, values), _MEASUREMENT_FAULT[:-1]
+            MeasurementFault, without(_MEASUREMENT_FAULT, values), _MEASUREMENT_FAULT[:-1]
         )
-        command = build(CommandFault, _without(_COMMAND_FAULT, values), _COMMAND_FAULT[:-1])
+        command = build(CommandFault, without(_COMMAND_FAULT, values), _COMMAND_FAULT[:-1])
         kinds = ONE_EACH if self.pacing.lockstep else _INJECTABLE
         if measurement.kind not in kinds:
             raise SettingError(
@@ -299,31 +298,20 @@ class PlantNode(LiveNode):
 
 def noise_fields() -> dict[str, Declared]:
     """Return the parameters of the noise: its fields with a prefix, but for the seed."""
-    return {
-        name if name == 'seed' else _NOISE + name: field for name, field in declared(Noise).items()
-    }
+    fields = behind(_NOISE, declared(Noise))
+    return {'seed' if name == _NOISE + 'seed' else name: f for name, f in fields.items()}
 
 
 def fault_fields() -> dict[str, Declared]:
     """Return the parameters of the faults."""
-    classes = {_MEASUREMENT_FAULT: MeasurementFault, _COMMAND_FAULT: CommandFault}
-    fields = {p + name: f for p, cls in classes.items() for name, f in declared(cls).items()}
+    fields = behind(_MEASUREMENT_FAULT, declared(MeasurementFault))
     kind = _MEASUREMENT_FAULT + 'kind'
     fields[kind] = attrs.evolve(fields[kind], choices=_INJECTABLE)
-    return fields
+    return fields | behind(_COMMAND_FAULT, declared(CommandFault))
 
 
 def _make_noise(values: dict[str, Any]) -> Noise:
-    return build(Noise, {'seed': values['seed'], **_without(_NOISE, values)})
-
-
-def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values whose names begin so, by the rest of the name."""
-    return {
-        name.removeprefix(prefix): value
-        for name, value in values.items()
-        if name.startswith(prefix)
-    }
+    return build(Noise, {'seed': values['seed'], **without(_NOISE, values)})
 
 
 def main() -> int:

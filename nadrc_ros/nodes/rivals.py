@@ -14,15 +14,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Before the first command it is listened for so long [s], in which most others are discovered.
 # This and the two times below are longer in slow loops, where a rival's commands are rare too.
-LISTEN, LISTEN_PERIODS = 0.3, 1.5
+LISTEN, _LISTEN_PERIODS = 0.3, 1.5
 # Fast DDS may discover another only with its next announcement, which it sends every 3 s. Who
 # started so short ago [s] gives way, unless the other has sent fewer commands than we.
-PROBATION, PROBATION_PERIODS = 5.0, 3.0
+PROBATION, _PROBATION_PERIODS = 5.0, 3.0
 # A command is followed by the next after so many of their intervals, or after so long [s].
-INTERVALS, SHORTEST, LONGEST, LONGEST_PERIODS = 3.0, 0.1, 3.0, 3.0
+_INTERVALS, _SHORTEST, LONGEST, _LONGEST_PERIODS = 3.0, 0.1, 3.0, 3.0
 # So many of our own commands can be on their way.
-OWN = 64
-HEAR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_OWN = 64
+_HEAR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Rivals:
@@ -54,12 +54,12 @@ class Rivals:
         self._remarks = node.remarks
         self._shared = shared
         period = node.pacing.period
-        self._listen = max(LISTEN, LISTEN_PERIODS * period)
-        self._probation = max(PROBATION, PROBATION_PERIODS * period)
-        self._longest = max(LONGEST, LONGEST_PERIODS * period)
+        self._listen = max(LISTEN, _LISTEN_PERIODS * period)
+        self._probation = max(PROBATION, _PROBATION_PERIODS * period)
+        self._longest = max(LONGEST, _LONGEST_PERIODS * period)
         self._began = time.monotonic()
         self._input: Input | None = None
-        self._own: deque[tuple[int | None, float]] = deque(maxlen=OWN)
+        self._own: deque[tuple[int | None, float]] = deque(maxlen=_OWN)
         self._last, self._interval = -inf, inf
         self._theirs: float = inf
         if not shared:
@@ -105,7 +105,7 @@ class Rivals:
     def commanding(self) -> bool:
         """Tell whether somebody else commands."""
         silence = time.monotonic() - self._last
-        return silence < min(self._longest, max(SHORTEST, INTERVALS * self._interval))
+        return silence < min(self._longest, max(_SHORTEST, _INTERVALS * self._interval))
 
     def refusal(self) -> str:
         """Return why we cannot take over, empty if we can."""
@@ -130,7 +130,7 @@ class Rivals:
             return
         self.hearing = wanted
         if wanted:
-            self._input = receive(self._node, 'command', self._take, HEAR, fixed=True)
+            self._input = receive(self._node, 'command', self._take, _HEAR, fixed=True)
         elif self._input is not None:
             self._node.destroy_subscription(self._input.subscription)
 

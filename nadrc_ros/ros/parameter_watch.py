@@ -20,8 +20,8 @@ from rclpy.task import Future
 # Fast DDS drops the answer to a client that a busy machine has not made known in time.
 ASK_AGAIN = 2.0
 # What the middleware calls a node that it does not know yet.
-UNKNOWN = '_UNKNOWN_'
-TYPES = {kind.value for kind in Parameter.Type}
+_UNKNOWN = '_UNKNOWN_'
+_TYPES = {kind.value for kind in Parameter.Type}
 
 Values = dict[str, Any]
 Tell = Callable[[str, Values, Info | None], None]
@@ -31,19 +31,10 @@ class ParameterWatch:
     """
     Tells the parameters of the nodes that publish some topics, and every change of them.
 
-    A node without parameter services is never told about, nor is one that does not answer.
-
-    Parameters
-    ----------
-    node
-        Asks and listens; has to call :meth:`look` now and then.
-    topics
-        Whose publishers are asked.
-    tell
-        Called with the full name of a node and values: all of them first, then those that
-        changed, with the info of the message that told so. A node that was started anew is told
-        in full again.
-
+    ``tell`` is called with the full name of a node and values: all of them first, then those that
+    changed, with the info of the message that told so. A node that was started anew is told in
+    full again, and one without parameter services, or that does not answer, never. Nobody waits:
+    :meth:`look` has to be called now and then.
     """
 
     def __init__(self, node: Node, topics: Iterable[str], tell: Tell) -> None:
@@ -76,7 +67,7 @@ class ParameterWatch:
         there: dict[str, set[bytes]] = {}
         for topic in self._topics:
             for info in self._node.get_publishers_info_by_topic(topic):
-                if UNKNOWN not in (name := node_of(info)):
+                if _UNKNOWN not in (name := node_of(info)):
                     there.setdefault(name, set()).add(bytes(info.endpoint_gid))
         return there
 
@@ -169,7 +160,7 @@ def _values(parameters: Iterable[Any]) -> Values:
 
 def _python(value: Any) -> Any:
     """Return the value as JSON has it: arrays and bytes as lists; None for a type that is none."""
-    if value.type not in TYPES:  # rclpy raises for a message that anyone may send
+    if value.type not in _TYPES:  # rclpy raises for a message that anyone may send
         return None
     plain = parameter_value_to_python(value)
     if isinstance(plain, (str, bool, int, float)) or plain is None:

@@ -8,10 +8,10 @@ from pathlib import Path
 import resource
 
 # That of the controller manager of ros2_control.
-PRIORITY = 50
-MCL_CURRENT, MCL_FUTURE = 1, 2
-CAP_IPC_LOCK = 14
-LIMITS = '(/etc/security/limits.conf, or LimitRTPRIO and LimitMEMLOCK of systemd)'
+_PRIORITY = 50
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_CAP_IPC_LOCK = 14
+_LIMITS = '(/etc/security/limits.conf, or LimitRTPRIO and LimitMEMLOCK of systemd)'
 
 
 def become_realtime() -> tuple[bool, str]:
@@ -30,7 +30,7 @@ def become_realtime() -> tuple[bool, str]:
     answers = _raise_priority(), _lock_memory()
     wanted = ' '.join(need for _, need in answers if need)
     said = ', '.join(said for said, _ in answers)
-    return not wanted, f'{said}; allow {wanted} for this user {LIMITS}' if wanted else said
+    return not wanted, f'{said}; allow {wanted} for this user {_LIMITS}' if wanted else said
 
 
 def _raise_priority() -> tuple[str, str]:
@@ -38,12 +38,12 @@ def _raise_priority() -> tuple[str, str]:
     try:
         for thread in threads:
             try:
-                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(PRIORITY))
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(_PRIORITY))
             except ProcessLookupError:  # it has ended by now
                 continue
     except OSError as error:
-        return f'no SCHED_FIFO ({error.strerror})', f'rtprio {PRIORITY}'
-    return f'SCHED_FIFO {PRIORITY} on {len(threads)} threads', ''
+        return f'no SCHED_FIFO ({error.strerror})', f'rtprio {_PRIORITY}'
+    return f'SCHED_FIFO {_PRIORITY} on {len(threads)} threads', ''
 
 
 def _lock_memory() -> tuple[str, str]:
@@ -54,7 +54,7 @@ def _lock_memory() -> tuple[str, str]:
     elif not _unlimited():
         return f'memory not locked (limited to {hard // 1024} kB)', 'memlock unlimited'
     libc = ctypes.CDLL(None, use_errno=True)
-    if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
+    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE):
         return f'memory not locked ({os.strerror(ctypes.get_errno())})', 'memlock unlimited'
     return 'memory locked', ''
 
@@ -63,4 +63,4 @@ def _unlimited() -> bool:
     """Tell whether this process has the capability that no limit of locked memory holds for."""
     status = Path('/proc/self/status').read_text(encoding='utf-8')
     capabilities = int(status.partition('CapEff:')[2].split()[0], 16)
-    return bool(capabilities >> CAP_IPC_LOCK & 1)
+    return bool(capabilities >> _CAP_IPC_LOCK & 1)

@@ -50,12 +50,12 @@ class SignalParameters:
                 choices=tuple(SIGNALS),
                 description=f'{self.description}; or a file that ends in .py or .csv',
             )
-            return {self.key: which} | _behind(self.prefix, signal_fields())
+            return {self.key: which} | behind(self.prefix, signal_fields())
         own = {self.key: _fixed(source, self.description)}
         if source.endswith('.csv'):
-            return own | _behind(f'{self.key}_', declared(CsvColumn))
+            return own | behind(f'{self.key}_', declared(CsvColumn))
         own[f'{self.key}_class'] = _fixed(class_name, 'class in that file, where it has several')
-        return own | _behind(f'{self.key}_', class_fields(SIGNAL.type_of(source, class_name)))
+        return own | behind(f'{self.key}_', class_fields(SIGNAL.type_of(source, class_name)))
 
     def asked(self, node: Node) -> dict[str, Declared]:
         """Return :meth:`fields` for what the node was started with."""
@@ -78,11 +78,7 @@ class SignalParameters:
         """
         source = values[self.key]
         prefix = f'{self.key}_' if _is_file(source) else self.prefix
-        own = {
-            name.removeprefix(prefix): value
-            for name, value in values.items()
-            if name.startswith(prefix) and name != self.key
-        }
+        own = without(prefix, {k: value for k, value in values.items() if k != self.key})
         try:
             if source.endswith('.py'):
                 class_name = own.pop('class')
@@ -113,8 +109,14 @@ def _is_file(source: str) -> bool:
     return source.endswith(('.py', '.csv'))
 
 
-def _behind(prefix: str, fields: Mapping[str, Declared]) -> dict[str, Declared]:
+def behind(prefix: str, fields: Mapping[str, Declared]) -> dict[str, Declared]:
+    """Return declarations by their names behind a prefix."""
     return {prefix + name: field for name, field in fields.items()}
+
+
+def without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values whose names begin so, by the rest of the name."""
+    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
 def _fixed(value: str, description: str) -> Declared:

@@ -46,7 +46,7 @@ LOCKSTEP_RECEIVE = QoSProfile(
 )
 FLOAT64 = 'std_msgs/msg/Float64'
 # The node itself says what does not fit, and destroying an input is safe without events.
-SILENT = SubscriptionEventCallbacks(use_default_callbacks=False)
+_SILENT = SubscriptionEventCallbacks(use_default_callbacks=False)
 # A Float64 as it travels: to make and take messages of Python doubles the time of both.
 _HEADER = bytes((0, 1, 0, 0))  # the byte order
 _LITTLE, _BIG = Struct('<4sd'), Struct('>4sd')
@@ -124,7 +124,7 @@ def receive(
         topic,
         call,
         qos,
-        event_callbacks=SILENT,
+        event_callbacks=_SILENT,
         qos_overriding_options=(None if fixed else _overridable(node, topic, qos, 'subscription')),
         raw=True,
     )

@@ -35,10 +35,10 @@ from rclpy.executors import Executor
 Parameters = Mapping[str, Any]
 # Makes an executor, or is one that runs other nodes too.
 AnyExecutor: TypeAlias = Callable[..., Executor] | Executor
-MOST_PERIODS = 1e9
+_MOST_PERIODS = 1e9
 # What all nodes of a loop have in common.
-PACING = ('rate', 'pacing', 'steps', 'readers')
-A_PLANT = 'a class with a method derivative, the name of a registered plant, or a file'
+_PACING = ('rate', 'pacing', 'steps', 'readers')
+_A_PLANT = 'a class with a method derivative, the name of a registered plant, or a file'
 _names = count(1)
 # Domains and namespaces of the loops that there are.
 _taken: set[tuple[int, str]] = set()
@@ -96,8 +96,8 @@ def loop(
     for name, parameters in (('plant', values), ('controller', given), ('reference', signal)):
         _refuse_pacing(name, parameters)
     rate, duration = _number('rate', rate), _number('duration', duration)
-    if not 0.5 < rate * duration < MOST_PERIODS:
-        allowed = f'from one period of {rate:g} Hz to {MOST_PERIODS:g} of them'
+    if not 0.5 < rate * duration < _MOST_PERIODS:
+        allowed = f'from one period of {rate:g} Hz to {_MOST_PERIODS:g} of them'
         raise SettingError('duration', duration, allowed)
     periods = round(duration * rate)
     steps = periods if lockstep else None
@@ -105,13 +105,13 @@ def loop(
     named = values.get('plant')
     if isinstance(named, type):
         if not callable(getattr(named, 'derivative', None)):
-            raise SettingError('plant', named.__name__, A_PLANT)
+            raise SettingError('plant', named.__name__, _A_PLANT)
         cls = _node_of(named)
         del values['plant']
     elif isinstance(named, (str, Path)):
         values['plant'] = str(named)
     elif 'plant' in values:
-        raise SettingError('plant', named, A_PLANT)
+        raise SettingError('plant', named, _A_PLANT)
     with _Maker(executor, namespace, directory) as make:
         # Who reads what a plant sends does not depend on the controller.
         paced = pacing('plant', ControllerSettings(), rate, steps)
@@ -214,7 +214,7 @@ class _Maker(ExitStack):
 
 
 def _refuse_pacing(name: str, parameters: Parameters) -> None:
-    for key in PACING:
+    for key in _PACING:
         if key in parameters:
             allowed = 'left out: rate, duration and lockstep of the loop are for all its nodes'
             raise SettingError(f'{name}.{key}', parameters[key], allowed)

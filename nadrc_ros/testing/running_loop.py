@@ -32,16 +32,16 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 # How often conditions are looked at [s].
-LOOK = 0.005
+_LOOK = 0.005
 # A condition of the graph is waited for so long [s], and the loop so much longer than it runs.
-PATIENCE = 30.0
-SHUT_DOWN = 'the context of the loop was shut down'
+_PATIENCE = 30.0
+_SHUT_DOWN = 'the context of the loop was shut down'
 
 
 def spin_until(
     executor: Executor,
     condition: Callable[[], Any],
-    timeout: float = PATIENCE,
+    timeout: float = _PATIENCE,
     done: Future | None = None,
 ) -> Any:
     """
@@ -60,7 +60,7 @@ def spin_until(
     while not (held := condition()):
         if time.monotonic() > end:
             raise TimeoutError(f'not within {timeout:g} s')
-        spin_for(executor, LOOK, done)
+        spin_for(executor, _LOOK, done)
     return held
 
 
@@ -125,7 +125,7 @@ class RunningLoop:
     def wait_until(
         self,
         condition: Callable[[], Any],
-        timeout: float = PATIENCE,
+        timeout: float = _PATIENCE,
         done: Future | None = None,
     ) -> Any:
         """
@@ -256,7 +256,9 @@ class RunningLoop:
         try:
             self.wait_until(lambda: not self._missing())
         except TimeoutError:
-            raise GraphError(f'after {PATIENCE:g} s there is still no {self._missing()}') from None
+            raise GraphError(
+                f'after {_PATIENCE:g} s there is still no {self._missing()}'
+            ) from None
         if enable:
             self.controller.enable()
 
@@ -282,13 +284,13 @@ class RunningLoop:
         try:
             return spin_until(self.executor, look, timeout, done)
         except ExternalShutdownException:
-            raise GraphError(SHUT_DOWN) from None
+            raise GraphError(_SHUT_DOWN) from None
 
     def _refuse_ended(self) -> None:
         if self._closed:
             raise GraphError('the loop has ended: ask it inside of its `with` block')
         if not self.executor.context.ok():
-            raise GraphError(SHUT_DOWN)
+            raise GraphError(_SHUT_DOWN)
 
     def _written(self) -> Path:
         """Return the folder of the run, with all in it that is known so far."""
@@ -308,7 +310,7 @@ class RunningLoop:
         """Go on to period ``k``, or to the end."""
         end = round(self.duration * self.rate)
         k = min(k, end)
-        timeout = PATIENCE + 3.0 * max(0, k - self.plant.process.k) / self.rate
+        timeout = _PATIENCE + 3.0 * max(0, k - self.plant.process.k) / self.rate
         if not self._locked:
             self._wait(lambda: self.plant.process.k >= k, timeout, None)
             return
