@@ -91,13 +91,19 @@ def simulate_batch(
     runs: Iterator[Run] = product(experiments, settings, seeds)
     size = batch_size(count, periods, fast)
     tasks = iter(lambda: (list(islice(runs, size)), fast), ([], fast))
-    if executor is not None:
-        return _collect(stream(executor, run_batch, tasks), count, progress)
-    workers = own_workers(fast)
+    workers = own_workers(fast) if executor is None else executor
+    done: list[RunMetrics] = []
     try:
-        return _collect(stream(workers, run_batch, tasks), count, progress)
+        for some in stream(workers, run_batch, tasks):
+            done += some
+            if progress is not None:
+                progress(len(done), count)
+    except KeyboardInterrupt:
+        pass
     finally:  # Ctrl-C inside submit leaves a task that is never done: to wait for it is for ever
-        workers.shutdown(cancel_futures=True)
+        if executor is None:
+            workers.shutdown(cancel_futures=True)
+    return done
 
 
 def own_workers(fast: bool) -> Executor:
@@ -163,19 +169,3 @@ def run_metrics(
     loop.run(np.empty((0, ROW_WIDTH)), kernel_of(one, one.steps, compiled, say))
     values = attrs.asdict(loop.metrics.values())
     return RunMetrics(**values, remainder_itae=tuple(loop.remainders[: loop.levels]))
-
-
-def _collect(
-    batches: Iterator[list[RunMetrics]],
-    count: int,
-    progress: Callable[[int, int], None] | None,
-) -> list[RunMetrics]:
-    done: list[RunMetrics] = []
-    try:
-        for batch in batches:
-            done += batch
-            if progress is not None:
-                progress(len(done), count)
-    except KeyboardInterrupt:
-        pass
-    return done

@@ -18,15 +18,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 # A row: these, then one estimate per level.
 COLUMNS = (
-    'time',
-    'reference',
-    'tracking',
-    'output',
-    'measurement',
-    'command',
-    'output_estimate',
-    'disturbance_estimate',
-    'total_disturbance',
+    *('time', 'reference', 'tracking', 'output', 'measurement', 'command'),
+    *('output_estimate', 'disturbance_estimate', 'total_disturbance'),
 )
 FIRST_LEVEL = len(COLUMNS)
 ROW_WIDTH = FIRST_LEVEL + MAX_LEVELS
