@@ -56,7 +56,7 @@ PARTS = {
     'theory': ('test_theory*.py', 'test_first_design.py'),
     'ros/stamps.py': ('ros/test_stamps.py',),
     'tuning/design': ('test_first_design.py', 'test_design*.py', 'test_cli_design.py'),
-    'tuning/identification': ('test_identif*.py', 'test_outliers.py', 'test_cli_identify.py'),
+    'tuning/identification': ('test_identif*.py', 'test_shaping.py', 'test_cli_identify.py'),
 }
 ARITHMETIC = {'Add', 'Sub', 'Mul', 'Div', 'Pow'}
 LEFT_OUT = ('Variable', 'RemoveDecorator', 'Exception', '_Is', 'Invert', 'UAdd')
