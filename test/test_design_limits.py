@@ -18,8 +18,8 @@ from nadrc_ros.theory.margins import margins
 from nadrc_ros.tuning import LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import BAND, reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import single
-from nadrc_ros.tuning.design.fastest import fastest, obstacle
 from nadrc_ros.tuning.design.first_design import first_design
+from nadrc_ros.tuning.design.limits import fastest, obstacle
 from nadrc_ros.tuning.design.prediction import settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest

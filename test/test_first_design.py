@@ -15,11 +15,17 @@ from nadrc_ros.simulation.simulate import Result, simulate
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.model import controller
 from nadrc_ros.theory.system import pick
-from nadrc_ros.tuning.design.advice import advice, advised, WORTH
 from nadrc_ros.tuning.design.bandwidths import BAND, readable, settings_of, settling_factor
-from nadrc_ros.tuning.design.candidates import better_below, Candidate, candidates, single
-from nadrc_ros.tuning.design.experiment import expect, experiment
-from nadrc_ros.tuning.design.first_design import first_design
+from nadrc_ros.tuning.design.candidates import (
+    advice,
+    advised,
+    better_below,
+    Candidate,
+    candidates,
+    single,
+    WORTH,
+)
+from nadrc_ros.tuning.design.first_design import expect, experiment, first_design
 from nadrc_ros.tuning.design.limits import check, noise_budget
 from nadrc_ros.tuning.design.prediction import curves, predict, settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements

@@ -11,8 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.report.bode import Loop
-    from nadrc_ros.tuning.design.experiment import Expected
-    from nadrc_ros.tuning.design.first_design import FirstDesign
+    from nadrc_ros.tuning.design.first_design import Expected, FirstDesign
 
 _CURVE_POINTS = 800
 

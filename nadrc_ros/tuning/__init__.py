@@ -11,5 +11,3 @@ LARGEST_W_H = 0.3
 LEAST_MODULUS = 0.4
 # Factor on the gain of the plant, either way, and periods of delay, that a loop bears.
 LEAST_GAIN, LEAST_DELAY = 2.0, 1.0
-# Timeouts of a loop so slow that the usual ones would be too short for lost samples [periods].
-TIMEOUT_PERIODS = 5.0

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from math import expm1, floor, log, log10
 
+import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.tuning import TIMEOUT_PERIODS
 from nadrc_ros.tuning.design.requirements import Requirements, STEP_SHARE
 from scipy import special
 
-BAND = 0.02
-SLOWEST, USUAL, FASTEST = 3.0, 5.0, 10.0  # observer over controller bandwidth
-HALF = 0.5
+# Timeouts of a loop so slow that the usual ones would be too short for lost samples [periods].
+_TIMEOUT = 5.0
+BAND = 0.02  # in which a step has settled, as a share of it
 
 
 def readable(value: float) -> float:
@@ -72,19 +72,27 @@ def settings_of(
     """
     usual = ControllerSettings()
     ratio = 2.0 if structure == 'cascade' else 1.0
-    patience = TIMEOUT_PERIODS * wanted.period
-    return ControllerSettings(
+    settings = ControllerSettings(
         plant_order=wanted.order,
         b0=wanted.b0,
         structure=structure,
         levels=levels,
         inner_bandwidth=w,
-        observer_gain_factor=HALF if wanted.half_gain else 1.0,
+        observer_gain_factor=0.5 if wanted.half_gain else 1.0,
         controller_bandwidth=wc,
         command_min=wanted.lowest_command,
         command_max=wanted.command_limit,
-        measurement_timeout=max(usual.measurement_timeout, patience),
-        max_dt=max(usual.max_dt, patience),
         outer_bandwidth=ratio * w if levels > 1 else usual.outer_bandwidth,
         bandwidth_ratio=ratio if levels > 2 else usual.bandwidth_ratio,
+    )
+    return patient(settings, wanted.period)
+
+
+def patient(settings: ControllerSettings, period: float) -> ControllerSettings:
+    """Return the settings with timeouts that bear a few lost samples, ``period`` [s] apart."""
+    least = _TIMEOUT * period
+    return attrs.evolve(
+        settings,
+        measurement_timeout=max(settings.measurement_timeout, least),
+        max_dt=max(settings.max_dt, least),
     )

@@ -1,8 +1,8 @@
-"""One observer or more: designs that put the same noise on the command, side by side."""
+"""One observer or more: designs that put the same noise on the command, and the one to take."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from math import inf
 
 import attrs
@@ -10,25 +10,15 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.theory.system import Array
-from nadrc_ros.tuning import LARGEST_W_H
-from nadrc_ros.tuning.design.bandwidths import (
-    controller_bandwidth,
-    FASTEST,
-    readable,
-    settings_of,
-    SLOWEST,
-    USUAL,
-)
+from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
+from nadrc_ros.tuning.design.bandwidths import readable, settings_of
 from nadrc_ros.tuning.design.limits import (
     check,
-    largest,
-    LIMITS,
     noise_gain,
     nominal_loop,
     robust_enough,
+    single_settings,
     slow_enough,
-    SLOWEST_SHARE,
-    Test,
 )
 from nadrc_ros.tuning.design.prediction import predict, Prediction, rejection
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
@@ -37,7 +27,11 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 # Nested levels that are compared; a fourth gains nothing at equal noise.
-COMPARED = (2, 3)
+_COMPARED_LEVELS = (2, 3)
+_SLOWEST_SHARE = 0.3  # of wc, below which no observer is sought
+# A level more has to leave less than this share of the error to be worth its margin.
+WORTH = 0.8
+_WORDS = {1: 'one observer', 2: 'two nested observers', 3: 'three nested observers'}
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -77,7 +71,7 @@ def candidates(wanted: Requirements) -> list[Candidate]:
     first = single(wanted)
     found = [first]
     named = asked(wanted)
-    for structure, levels in dict.fromkeys([('nested', k) for k in COMPARED] + named):
+    for structure, levels in dict.fromkeys([('nested', k) for k in _COMPARED_LEVELS] + named):
         if (structure, levels) == ('conventional', 1):
             continue
         other = equally_noisy(wanted, structure, levels, first)
@@ -111,26 +105,6 @@ def single(wanted: Requirements) -> Candidate:
     )
 
 
-def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
-    """
-    Return one observer, and what decided: 5 wc, or with a noise budget the fastest up to 10 wc.
-
-    Slower, down to 3 wc, where sampling, delay or noise demand it.
-    """
-    wc = float(f'{controller_bandwidth(wanted.order, wanted.settling_time, wanted.period):.4g}')
-    ratio = FASTEST if wanted.command_noise > 0.0 else USUAL
-    w, decided_by = ratio * wc, 'the rule of thumb'
-
-    def holding(test: Test) -> Callable[[float], bool]:
-        return lambda v: test(make_design(settings_of(wanted, 'conventional', 1, wc, v)), wanted)
-
-    for name, test in LIMITS.items():
-        holds = holding(test)
-        if not holds(w) and holds(SLOWEST * wc):
-            w, decided_by = largest(holds, SLOWEST * wc, w), name
-    return settings_of(wanted, 'conventional', 1, wc, readable(w)), decided_by
-
-
 def equally_noisy(
     wanted: Requirements, structure: str, levels: int, other: Candidate
 ) -> Candidate | None:
@@ -143,7 +117,7 @@ def equally_noisy(
         gain = noise_gain(design, wanted)
         return float(np.log(gain / target)) if gain < inf else 1e3
 
-    low, high = SLOWEST_SHARE * wc, LARGEST_W_H * wanted.rate
+    low, high = _SLOWEST_SHARE * wc, LARGEST_W_H * wanted.rate
     if excess(low) > 0.0 or excess(high) < 0.0:
         return None
     w = float(optimize.brentq(excess, low, high, rtol=1e-9))
@@ -171,3 +145,78 @@ def better_below(wanted: Requirements, one: Candidate, more: Candidate) -> float
         return 0.0 if signs[0] else inf
     i = int(np.argmax(signs))
     return float(np.exp(optimize.brentq(lambda x: float(worse(x)), grid[i - 1], grid[i])))
+
+
+def advised(found: Sequence[Candidate]) -> Candidate:
+    """Return one observer, or more where each level leaves a fifth less and the loop is robust."""
+    best = found[0]
+    for other in _nested(found):
+        predicted = other.prediction
+        robust = predicted.margins.modulus >= LEAST_MODULUS
+        if robust and predicted.error < WORTH * best.prediction.error:
+            best = other
+    return best
+
+
+def advice(wanted: Requirements, found: Sequence[Candidate], best: Candidate) -> str:
+    """Return what to take, what it brings at equal noise of the command, and what it costs."""
+    one, nested = found[0], _nested(found)
+    under = _disturbance(wanted)
+    if not nested:
+        return 'Take one observer: at its noise this rate and delay allow no nested ones.'
+    if best is one:
+        reasons: dict[str, list[str]] = {}
+        for c in nested:
+            leave = f'{_WORDS[c.levels]} leave {_share(c, one)}'
+            reasons.setdefault(_why_not(c), []).append(leave)
+        said = [
+            f'{" and ".join(leave)} of its error under {under}, {why}'
+            for why, leave in reasons.items()
+        ]
+        return (
+            f'Take one observer: at the same noise of the command {"; ".join(said)}.'
+            f'{_limit(wanted, one, nested[0])}'
+        )
+    others = ', '.join(f'{_WORDS[c.levels]} {_share(c, one)}' for c in nested if c is not best)
+    return (
+        f'Take {_WORDS[best.levels]}: at the same noise of the command they leave '
+        f'{_share(best, one)} of the error of one under {under}{others and f" ({others})"}.'
+        f'{_limit(wanted, one, best)} The price: {_price(one, best)}.'
+    )
+
+
+def _why_not(candidate: Candidate) -> str:
+    near = candidate.prediction.margins.modulus
+    if near < LEAST_MODULUS:
+        return f'but come too near to instability (modulus {near:.2f}, wanted {LEAST_MODULUS:g})'
+    return 'which is too little for the margins lost'
+
+
+def _limit(wanted: Requirements, one: Candidate, more: Candidate) -> str:
+    below = better_below(wanted, one, more)
+    if below == inf:
+        return ''
+    return f' {_WORDS[more.levels].capitalize()} are better below {below:.3g} rad/s only.'
+
+
+def _nested(found: Sequence[Candidate]) -> list[Candidate]:
+    return [c for c in found if c.settings.structure == 'nested' and c.levels in _WORDS]
+
+
+def _share(more: Candidate, one: Candidate) -> str:
+    return f'{100.0 * more.prediction.error / one.prediction.error:.0f} %'
+
+
+def _disturbance(wanted: Requirements) -> str:
+    if wanted.disturbance_frequency == 0.0:
+        return 'a step of the disturbance'
+    return f'disturbances up to {wanted.disturbance_frequency:g} rad/s'
+
+
+def _price(one: Candidate, best: Candidate) -> str:
+    before, after = one.prediction.margins, best.prediction.margins
+    return (
+        f'b / b0 from {after.gain_low:.2f} to {after.gain_high:.3g} instead of '
+        f'{before.gain_low:.2f} to {before.gain_high:.3g}, delay margin '
+        f'{1e3 * after.delay:.3g} instead of {1e3 * before.delay:.3g} ms'
+    )

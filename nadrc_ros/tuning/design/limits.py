@@ -1,4 +1,8 @@
-"""What limits the observer bandwidth, and requirements that leave no bandwidth at all."""
+"""
+What limits the observer bandwidth: the fastest single observer, the fastest loop that is sound.
+
+Requirements that leave no bandwidth are refused with the numbers, and what would be possible.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +12,35 @@ from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
-from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
 from nadrc_ros.theory.delayed import command_variance, delayed_loop, Loop
 from nadrc_ros.theory.loop import chain, loop_growth
-from nadrc_ros.theory.margins import margins
-from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
+from nadrc_ros.theory.margins import Margins, margins
+from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
+    readable,
     reference_step,
     settings_of,
     settling_factor,
-    SLOWEST,
 )
 from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
 
-DELAY_SHARE = 0.5
-DEVIATIONS = 3.0
-MUCH_SLOWER = 1e3  # times the settling time asked for, up to which a possible one is sought
-BISECTIONS = 12
-FINE = 22  # of three digits over such a span
-LARGEST_STEP = 1e-3 * LARGEST  # what overshoots it is a number of a sensor still
-SLOWEST_SHARE = 0.3  # of wc, below which no observer is sought
-
+# Observer over controller bandwidth.
+_SLOWEST_RATIO, _USUAL_RATIO, _FASTEST_RATIO = 3.0, 5.0, 10.0
+_DELAY_SHARE = 0.5  # of the delay that the loop bears without it, which a known one may use up
+_DEVIATIONS = 3.0  # of the command, that fit into its limits
+_LARGEST_STEP = 1e-3 * LARGEST  # what overshoots it is a number of a sensor still
 # Points of a margin that only decides, and what is asked for more than a tuning, with its own
 # points, asks for.
-COARSE, MORE = 300, 1.02
+_COARSE_POINTS, _MODULUS = 300, 1.02 * LEAST_MODULUS
+_BISECTIONS = 12
+# A possible settling time is sought up to so many times the one asked for, to three digits.
+_MUCH_SLOWER, _FINE_BISECTIONS = 1e3, 22
+# The fastest sound loop is sought between the shortest settling time and so many times that.
+_PACES, _PACE_BISECTIONS = 1e5, 14
+# Of the settling time that is found: what is nobody's margin, as the plant is not quite that one.
+_SLACK = 1.2
 
 Test = Callable[[Design, Requirements], bool]
 
@@ -40,6 +48,13 @@ Test = Callable[[Design, Requirements], bool]
 def nominal_loop(design: Design, wanted: Requirements) -> Loop:
     """Return the loop with the right b0, and the delay that is known."""
     return delayed_loop(design, chain(wanted.order, wanted.b0), wanted.period, wanted.delay)
+
+
+def loop_margins(
+    design: Design, wanted: Requirements, delay: float, points: int = 3000
+) -> Margins:
+    """Return the margins with the right b0 and a ``delay`` [s], sought at so many frequencies."""
+    return margins(design, chain(wanted.order, wanted.b0), wanted.period, delay, points)
 
 
 def noise_gain(design: Design, wanted: Requirements) -> float:
@@ -54,19 +69,16 @@ def slow_enough(design: Design, wanted: Requirements) -> bool:
 
 def robust_enough(design: Design, wanted: Requirements) -> bool:
     """Tell whether the loop is stable and the delay at most half of what it bears without it."""
-    plant = chain(wanted.order, wanted.b0)
     if wanted.delay == 0.0:
-        return loop_growth(design, plant, wanted.period) < 1.0
-    return wanted.delay <= DELAY_SHARE * margins(design, plant, wanted.period, 0.0, COARSE).delay
+        return loop_growth(design, chain(wanted.order, wanted.b0), wanted.period) < 1.0
+    return wanted.delay <= _DELAY_SHARE * loop_margins(design, wanted, 0.0, _COARSE_POINTS).delay
 
 
 def far_enough(design: Design, wanted: Requirements) -> bool:
     """Tell whether the delay leaves the distance from -1 that a tuning asks for."""
     if wanted.delay == 0.0:
         return True
-    plant = chain(wanted.order, wanted.b0)
-    found = margins(design, plant, wanted.period, wanted.delay, COARSE)
-    return found.modulus >= LEAST_MODULUS * MORE
+    return loop_margins(design, wanted, wanted.delay, _COARSE_POINTS).modulus >= _MODULUS
 
 
 def quiet_enough(design: Design, wanted: Requirements) -> bool:
@@ -76,7 +88,7 @@ def quiet_enough(design: Design, wanted: Requirements) -> bool:
 
 def noise_budget(wanted: Requirements) -> float:
     """Return the largest standard deviation of the command: 3 of them inside the command limit."""
-    room = wanted.command_limit / DEVIATIONS
+    room = wanted.command_limit / _DEVIATIONS
     return min(wanted.command_noise or room, room)
 
 
@@ -89,7 +101,7 @@ LIMITS: dict[str, Test] = {
 
 
 def largest(
-    holds: Callable[[float], bool], low: float, high: float, steps: int = BISECTIONS
+    holds: Callable[[float], bool], low: float, high: float, steps: int = _BISECTIONS
 ) -> float:
     """Return the largest number from ``low``, where it holds, to ``high``, by bisection."""
     if holds(high):
@@ -120,11 +132,11 @@ def check(wanted: Requirements) -> None:
     if complaint:
         raise Conflict(f'{complaint.text}; possible: {_slower(wanted)}')
     step = reference_step(wanted)
-    if step > LARGEST_STEP:
+    if step > _LARGEST_STEP:
         raise Conflict(
             f'command_limit = {wanted.command_limit:g} with b0 = {wanted.b0:g} moves the output '
             f'by {step:.3g} in settling_time = {wanted.settling_time:g} s; possible: another b0 '
-            f'or unit of time, or a reference_step up to {LARGEST_STEP:g}'
+            f'or unit of time, or a reference_step up to {_LARGEST_STEP:g}'
         )
 
 
@@ -138,7 +150,7 @@ class Complaint(NamedTuple):
 def conflict(wanted: Requirements) -> Complaint | None:
     """Return what keeps even an observer of 3 wc from working, nothing if it works."""
     asked = f'settling_time = {wanted.settling_time:g} s'
-    least = SLOWEST * settling_factor(wanted.order) / wanted.settling_time
+    least = _SLOWEST_RATIO * settling_factor(wanted.order) / wanted.settling_time
     most = LARGEST_W_H * wanted.rate
     if least > most:
         return Complaint(
@@ -147,9 +159,9 @@ def conflict(wanted: Requirements) -> Complaint | None:
             f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most',
         )
     wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
-    design = make_design(settings_of(wanted, 'conventional', 1, wc, SLOWEST * wc))
+    design = make_design(settings_of(wanted, 'conventional', 1, wc, _SLOWEST_RATIO * wc))
     if not robust_enough(design, wanted):
-        bears = margins(design, chain(wanted.order, wanted.b0), wanted.period).delay
+        bears = loop_margins(design, wanted, 0.0).delay
         return Complaint(
             'the delay',
             f'{asked} is too short for delay = {wanted.delay:g} s: such a loop bears '
@@ -175,9 +187,81 @@ def _slower(wanted: Requirements) -> str:
         return bool(conflict(attrs.evolve(wanted, settling_time=settling)))
 
     low = wanted.settling_time
-    high = min(low * MUCH_SLOWER, LONGEST_SETTLING)
+    high = min(low * _MUCH_SLOWER, LONGEST_SETTLING)
     if fails(high):
         return f'no settling time up to {high:g} s'
-    shortest = largest(fails, low, high, FINE)
+    shortest = largest(fails, low, high, _FINE_BISECTIONS)
     digit = 10.0 ** (floor(log10(shortest)) - 2)
     return f'a settling time of at least {ceil(shortest / digit * (1.0 + 1e-9)) * digit:.4g} s'
+
+
+def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
+    """
+    Return one observer, and what decided: 5 wc, or with a noise budget the fastest up to 10 wc.
+
+    Slower, down to 3 wc, where sampling, delay or noise demand it.
+    """
+    wc = float(f'{controller_bandwidth(wanted.order, wanted.settling_time, wanted.period):.4g}')
+    ratio = _FASTEST_RATIO if wanted.command_noise > 0.0 else _USUAL_RATIO
+    w, decided_by = ratio * wc, 'the rule of thumb'
+
+    def holding(test: Test) -> Callable[[float], bool]:
+        return lambda v: test(make_design(settings_of(wanted, 'conventional', 1, wc, v)), wanted)
+
+    for name, test in LIMITS.items():
+        holds = holding(test)
+        if not holds(w) and holds(_SLOWEST_RATIO * wc):
+            w, decided_by = largest(holds, _SLOWEST_RATIO * wc, w), name
+    return settings_of(wanted, 'conventional', 1, wc, readable(w)), decided_by
+
+
+def fastest(wanted: Requirements) -> tuple[Requirements, str]:
+    """
+    Return requirements with the shortest settling time that is sound, and what forbids a shorter.
+
+    The settling time of ``wanted`` does not count. Sound are requirements without a conflict whose
+    one observer has the modulus, the gain margins and the delay margin that a tuning asks for by
+    default, and whose reference step, if one is named, keeps the command inside its limits.
+
+    Raises
+    ------
+    Conflict
+        When no settling time is sound.
+
+    """
+    shortest = settling_factor(wanted.order) / (LARGEST_W_H * wanted.rate)
+    longest = min(_PACES * shortest, LONGEST_SETTLING)
+    causes = {}
+
+    def sound(pace: float) -> bool:
+        causes[pace] = obstacle(attrs.evolve(wanted, settling_time=1.0 / pace))
+        return not causes[pace]
+
+    if not sound(1.0 / longest):
+        raise Conflict(
+            f'no settling time up to {longest:.4g} s: {causes[1.0 / longest]} forbids it'
+        )
+    pace = largest(sound, 1.0 / longest, 1.0 / shortest, _PACE_BISECTIONS)
+    settling = float(f'{min(_SLACK / pace, longest):.3g}')
+    beyond = min((each for each, cause in causes.items() if cause), default=pace)
+    return attrs.evolve(wanted, settling_time=settling), causes[beyond] or 'the rate'
+
+
+def obstacle(wanted: Requirements) -> str:
+    """Return what makes requirements unsound, in a word or two, nothing if they are sound."""
+    wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
+    if wc**wanted.order * abs(wanted.reference_step / wanted.b0) > wanted.command_limit:
+        return 'the range of the command'
+    complaint = conflict(wanted)
+    if complaint:
+        return complaint.cause
+    settings, _ = single_settings(wanted)
+    found = loop_margins(make_design(settings), wanted, wanted.delay, _COARSE_POINTS)
+    enough = (
+        found.modulus >= _MODULUS
+        and found.gain_low * LEAST_GAIN <= 1.0 <= found.gain_high / LEAST_GAIN
+        and found.delay >= LEAST_DELAY * wanted.period
+    )
+    if enough:
+        return ''
+    return 'the delay' if wanted.delay else 'the margins'

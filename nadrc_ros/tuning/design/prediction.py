@@ -19,19 +19,18 @@ from nadrc_ros.theory.delayed import (
     REFERENCE,
     step_responses,
 )
-from nadrc_ros.theory.loop import chain
-from nadrc_ros.theory.margins import Margins, margins
+from nadrc_ros.theory.margins import Margins
 from nadrc_ros.theory.norms import peak
 from nadrc_ros.theory.system import Array, Complex
 from nadrc_ros.tuning.design.bandwidths import BAND
-from nadrc_ros.tuning.design.limits import noise_gain, nominal_loop
+from nadrc_ros.tuning.design.limits import loop_margins, noise_gain, nominal_loop
 from nadrc_ros.tuning.design.requirements import Requirements
 import numpy as np
 from numpy.typing import ArrayLike
 
-BAND_POINTS = 100
+_BAND_POINTS = 100
 # In settling times: how long a response is followed at first.
-FOLLOWED = 3.0
+_FOLLOWED = 3.0
 
 
 class Prediction(NamedTuple):
@@ -67,10 +66,10 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
     design = make_design(settings)
     loop = nominal_loop(design, wanted)
     at = closed_response(loop)
-    lasting = FOLLOWED * wanted.settling_time
+    lasting = _FOLLOWED * wanted.settling_time
     (load, reference), step = step_responses(loop, [LOAD, REFERENCE], lasting)
     if wanted.disturbance_frequency > 0.0:
-        band = wanted.disturbance_frequency * np.geomspace(0.01, 1.0, BAND_POINTS)
+        band = wanted.disturbance_frequency * np.geomspace(0.01, 1.0, _BAND_POINTS)
         left = float(rejection(loop, wanted, band).max())
     else:
         left = float(np.abs(load / wanted.b0).sum()) * step
@@ -78,7 +77,7 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
         command_noise=noise_gain(design, wanted) * wanted.noise_std,
         error=wanted.load * left,
         settling_time=settling_time(reference, step, BAND),
-        margins=margins(design, chain(wanted.order, wanted.b0), wanted.period, wanted.delay),
+        margins=loop_margins(design, wanted, wanted.delay),
         input_gain_margin=1.0
         / peak(
             lambda omega: at(omega)[..., [COMMAND], :][..., [LOAD]],

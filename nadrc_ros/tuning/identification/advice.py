@@ -2,7 +2,7 @@
 What to do with an identified plant: the requirements of a first design, and its settings.
 
 The design is that of ``nadrc design``: the shortest settling time that rate, delay, noise and the
-range of the command leave, :func:`nadrc_ros.tuning.design.fastest.fastest`. What a plant does not
+range of the command leave, :func:`nadrc_ros.tuning.design.limits.fastest`. What a plant does not
 tell (limits, timeouts, ...) is that of the controller in the log, where it was recorded.
 """
 
@@ -14,9 +14,9 @@ from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import History
 from nadrc_ros.theory.margins import Margins
-from nadrc_ros.tuning import TIMEOUT_PERIODS
-from nadrc_ros.tuning.design.fastest import fastest
+from nadrc_ros.tuning.design.bandwidths import patient
 from nadrc_ros.tuning.design.first_design import first_design, FirstDesign
+from nadrc_ros.tuning.design.limits import fastest
 from nadrc_ros.tuning.design.requirements import Requirements
 from nadrc_ros.tuning.identification.identify import Plant
 from nadrc_ros.tuning.identification.predictor import Log
@@ -115,14 +115,13 @@ def _settings(
     running: ControllerSettings | None,
 ) -> ControllerSettings:
     designed = {name: getattr(chosen, name) for name in DESIGNED}
-    patience = TIMEOUT_PERIODS * plant.period
     base = running or attrs.evolve(
         chosen,
         command_min=limits[0],
         command_max=limits[1],
         safe_command=min(max(0.0, limits[0]), limits[1]),
     )
-    return attrs.evolve(
+    settings = attrs.evolve(
         base,
         **designed,
         pole_ratios=(1.0,),
@@ -130,9 +129,8 @@ def _settings(
         feedback_level='inner',
         fal_gains=(0.0,),
         fal_exponents=chosen.fal_exponents,
-        measurement_timeout=max(base.measurement_timeout, patience),
-        max_dt=max(base.max_dt, patience),
     )
+    return patient(settings, plant.period)
 
 
 def running_controller(history: History) -> ControllerSettings | None:
