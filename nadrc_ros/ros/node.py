@@ -183,6 +183,8 @@ class LiveNode(Node):
         """
 
         def guard(*arguments: Any) -> None:
+            if self.failure:  # and what failed may not go on until the process ends
+                return
             try:
                 work(*arguments)
             except Exception:

@@ -283,7 +283,9 @@ class RunningLoop:
 
         try:
             return spin_until(self.executor, look, timeout, done)
-        except ExternalShutdownException:
+        except (ExternalShutdownException, RuntimeError):  # the latter of who publishes just then
+            if self.executor.context.ok():
+                raise
             raise GraphError(_SHUT_DOWN) from None
 
     def _refuse_ended(self) -> None:
