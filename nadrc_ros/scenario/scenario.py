@@ -138,7 +138,10 @@ def _check_controllers(
     if not controllers:
         raise ScenarioError('there is no controller: controllers needs at least one')
     for name, settings in controllers.items():
-        check_controller_name(name)
+        if not isinstance(name, str) or not _ROS_NAME.fullmatch(name):
+            raise SettingError(
+                'controllers', name, 'named by letters, digits and _, no digit first (a ROS name)'
+            )
         if settings.plant_order != plant.order:
             raise SettingError(
                 f'controllers.{name}.plant_order',
@@ -151,20 +154,12 @@ def _check_controllers(
             raise error.inside(f'controllers.{name}') from None
 
 
-def check_controller_name(name: object) -> None:
-    """Refuse a controller name that cannot be a ROS namespace."""
-    if not isinstance(name, str) or not _ROS_NAME.fullmatch(name):
-        raise SettingError(
-            'controllers', name, 'named by letters, digits and _, no digit first (a ROS name)'
-        )
-
-
 def _checked_retunes(
     retunes: tuple[Retune, ...], controllers: dict[str, ControllerSettings], last: float
 ) -> tuple[Retune, ...]:
     """Merge the changes in order of time into each controller, as a run will; return them so."""
-    checked = []
-    merged = dict(controllers)
+    live = [name for name, setting in _SETTINGS.items() if setting.live]
+    checked, merged = [], dict(controllers)
     for i, retune in sorted(enumerate(retunes), key=lambda item: item[1].time):
         path = f'retune[{i}]'
         if retune.time > last:
@@ -174,21 +169,16 @@ def _checked_retunes(
         if not retune.settings:
             raise ScenarioError(f'{path} changes nothing: it needs a controller setting')
         for key, value in retune.settings.items():
-            _check_live(path, key, value)
+            if key not in _SETTINGS:
+                raise UnknownName(f'{path}.{key}', value, did_you_mean(key, ['time', *live]))
+            if key not in live:
+                raise SettingError(f'{path}.{key}', value, 'left out: it is fixed at the start')
         for name, settings in merged.items():
             merged[name] = _merge(path, name, settings, retune)
         after = next(iter(merged.values()))
         values = {key: getattr(after, key) for key in retune.settings}
         checked.append(Retune(time=retune.time, settings=values))
     return tuple(checked)
-
-
-def _check_live(path: str, key: str, value: object) -> None:
-    live = [name for name, setting in _SETTINGS.items() if setting.live]
-    if key not in _SETTINGS:
-        raise UnknownName(f'{path}.{key}', value, did_you_mean(key, ['time', *live]))
-    if key not in live:
-        raise SettingError(f'{path}.{key}', value, 'left out: it is fixed at the start')
 
 
 def _merge(

@@ -242,7 +242,12 @@ def _seeds(given: Any) -> Sequence[int]:
 
 
 def _place(data: dict[str, Any], path: str, value: Any) -> None:
-    """Set what ``path`` names; only what it ends in, or begins with, may not be there yet."""
+    """
+    Set what ``path`` names; only what it ends in, or begins with, may not be there yet.
+
+    A key that is mistyped on the way would else be one more: ``controllers.nestd.b0`` would add a
+    controller, and nothing that was meant would vary.
+    """
     *before, last = (int(step) if step.isdigit() else step for step in re.findall(r'\w+', path))
     inside: Any = data
     at = ''

@@ -139,8 +139,8 @@ def check_plant(plant: Any) -> Plant:
         Names the member that is missing or wrong, the value found and what is allowed.
 
     """
-    order = _whole(plant, 'order', 1, MAX_ORDER)
-    states = _whole(plant, 'states', order, _MOST_STATES)
+    order = _member(plant, 'order', 1, MAX_ORDER)
+    states = _member(plant, 'states', order, _MOST_STATES)
     b0 = _member(plant, 'b0')
     if not _finite(b0) or b0 == 0:
         raise SettingError('plant.b0', b0, 'a finite number, not 0')
@@ -208,18 +208,16 @@ def _check_at(plant: Any, order: int, x: list[float], probe: int) -> None:
         raise SettingError('plant.output', y, f'x[0] = {x[0]:g}')
 
 
-def _whole(plant: Any, name: str, low: int, high: int) -> int:
-    value = _member(plant, name)
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise SettingError(f'plant.{name}', value, f'an integer from {low} to {high}')
-    return value
-
-
-def _member(plant: Any, name: str) -> Any:
+def _member(plant: Any, name: str, *bounds: int) -> Any:
+    """Return an attribute; an integer from ``bounds[0]`` to ``bounds[1]``, if they are given."""
     try:
-        return getattr(plant, name)
+        value = getattr(plant, name)
     except AttributeError:
         raise SettingError(f'plant.{name}', 'missing', 'an attribute of the plant') from None
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if bounds and not (whole and bounds[0] <= value <= bounds[1]):
+        raise SettingError(f'plant.{name}', value, f'an integer from {bounds[0]} to {bounds[1]}')
+    return value
 
 
 def _finite(value: Any) -> bool:
