@@ -11,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.report.bode import Loop
+    from nadrc_ros.tuning.design.candidates import Candidate
     from nadrc_ros.tuning.design.first_design import Expected, FirstDesign
 
 _CURVE_POINTS = 800
@@ -56,7 +57,9 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
     heads = [
         Text(f'{c.name} *', 'bold') if c is found.chosen else c.name for c in found.candidates
     ]
-    rows = [Row(*row) for row in _rows(found, expected)]
+    sine = found.wanted.disturbance_frequency
+    columns = [_column(c, expected[c.name], sine) for c in found.candidates]
+    rows = [Row(*about, [column[about] for column in columns]) for about in columns[0]]
     screen.print(Text('\n'.join([found.title, *found.rules])), soft_wrap=True)
     print_columns('', heads, rows)
     screen.print(Text(found.advice, 'bold'), soft_wrap=True)
@@ -71,47 +74,36 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
         )
 
 
-def _rows(
-    found: 'FirstDesign', expected: 'dict[str, Expected]'
-) -> 'list[tuple[str, str, list[str]]]':
+def _column(
+    candidate: 'Candidate', expected: 'Expected', sine: float
+) -> 'dict[tuple[str, str], str]':
+    """Return what is told of a candidate by the label of the row and what that means."""
     from math import degrees
 
     from nadrc_ros.adrc.design import bandwidths
 
-    wanted = found.wanted
-    all_of = found.candidates
-    predicted = [c.prediction for c in all_of]
-    margins = [p.margins for p in predicted]
-    runs = [expected[c.name] for c in all_of]
-    sine = wanted.disturbance_frequency > 0.0
-    left = (
-        f'largest up to {wanted.disturbance_frequency:g} rad/s'
-        if sine
-        else 'integral of |y| after a step'
-    )
-    return [
-        (
-            'w',
-            'observer bandwidths [rad/s]',
-            [' / '.join(f'{w:.3g}' for w in bandwidths(c.settings, c.levels)) for c in all_of],
-        ),
-        ('settling', 'time to stay within 2 % [s]', [f'{p.settling_time:.3g}' for p in predicted]),
-        ('noise', 'standard deviation of u', [f'{p.command_noise:.3g}' for p in predicted]),
-        ('error', f'under the disturbance, {left}', [f'{p.error:.3g}' for p in predicted]),
-        ('b / b0', 'gain margins', [f'{m.gain_low:.2f} ... {m.gain_high:.3g}' for m in margins]),
+    of = candidate.prediction
+    margins = of.margins
+    left = f'largest up to {sine:g} rad/s' if sine else 'integral of |y| after a step'
+    observers = bandwidths(candidate.settings, candidate.levels)
+    return {
+        ('w', 'observer bandwidths [rad/s]'): ' / '.join(f'{w:.3g}' for w in observers),
+        ('settling', 'time to stay within 2 % [s]'): f'{of.settling_time:.3g}',
+        ('noise', 'standard deviation of u'): f'{of.command_noise:.3g}',
+        ('error', f'under the disturbance, {left}'): f'{of.error:.3g}',
+        ('b / b0', 'gain margins'): f'{margins.gain_low:.2f} ... {margins.gain_high:.3g}',
         (
             'input gain',
             'error of b0 it bears, even one that varies [%]',
-            [f'{100.0 * p.input_gain_margin:.0f}' for p in predicted],
-        ),
-        ('phase', 'margin [degrees]', [f'{degrees(m.phase):.0f}' for m in margins]),
-        ('delay', 'margin [ms]', [f'{1e3 * m.delay:.3g}' for m in margins]),
-        ('modulus', 'distance of L from -1', [f'{m.modulus:.2f}' for m in margins]),
-        ('ITAE', 'of a step, then the disturbance', [f'{e.itae:.3g}' for e in runs]),
-        ('ISU', 'of the same run', [f'{e.isu:.3g}' for e in runs]),
-        ('', 'of it by noise, on average', [f'{e.noise_isu:.3g}' for e in runs]),
-        ('saturated', 'share of the time', [f'{100.0 * e.saturated:.1f} %' for e in runs]),
-    ]
+        ): f'{100.0 * of.input_gain_margin:.0f}',
+        ('phase', 'margin [degrees]'): f'{degrees(margins.phase):.0f}',
+        ('delay', 'margin [ms]'): f'{1e3 * margins.delay:.3g}',
+        ('modulus', 'distance of L from -1'): f'{margins.modulus:.2f}',
+        ('ITAE', 'of a step, then the disturbance'): f'{expected.itae:.3g}',
+        ('ISU', 'of the same run'): f'{expected.isu:.3g}',
+        ('', 'of it by noise, on average'): f'{expected.noise_isu:.3g}',
+        ('saturated', 'share of the time'): f'{100.0 * expected.saturated:.1f} %',
+    }
 
 
 def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':

@@ -73,11 +73,12 @@ def identify(
             ControllerSettings(b0=b0)  # refuses what cannot be one
         for file in filter(None, (out, scenario, json)):
             check_file(file)
+        (recorded,) = where.read([run], {}).values()
     with reporting(str(run)):
         from nadrc_ros.tuning.identification.advice import advise, running_controller
         from nadrc_ros.tuning.identification.identify import identify as find
 
-        recorded, log, kept, doubts = _read(run, where, wrap, every)
+        recorded, log, kept, doubts = _prepared(recorded, wrap, every)
         with progress(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
             plant = attrs.evolve(find(log, order), period=1.0 / recorded.rate)
@@ -100,21 +101,15 @@ def identify(
         _complain(run, plant, advice, log, out)
 
 
-def _read(
-    run: Path, where: options.Log, wrap: Optional[float], every: Optional[int]
+def _prepared(
+    recorded: 'RecordedRun', wrap: Optional[float], every: Optional[int]
 ) -> 'tuple[RecordedRun, Log, int, list[str]]':
     """Return the run, what the fit gets of it, every which row that is, and doubts."""
-    from nadrc_ros.records.read_run import read_run
-    from nadrc_ros.records.recorded_run import window
     from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
     from nadrc_ros.tuning.identification.cause import seems_swapped, SWAPPED
     from nadrc_ros.tuning.identification.log import log_of
 
-    with progress(f'reading {run}'):
-        recorded = read_run(run, where.source)
-    if recorded.told:
-        complain(f'{run}: {recorded.told}')
-    recorded = window(recorded, where.begin, where.end)
+    run = recorded.path
     if wrap:
         recorded = unwrapped(recorded, wrap)
     recorded, wrong = without_outliers(recorded)

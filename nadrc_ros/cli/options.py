@@ -12,11 +12,14 @@ from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 
+import attrs
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.cli.failure import complain
+from nadrc_ros.cli.progress import progress
 import typer
 
 if TYPE_CHECKING:
+    from nadrc_ros.records.recorded_run import RecordedRun
     from nadrc_ros.records.source import Source
     from nadrc_ros.scenario import Scenario
 
@@ -100,6 +103,18 @@ class Log(NamedTuple):
     source: 'Source'
     begin: Optional[float]
     end: Optional[float]
+
+    def read(self, paths: Sequence[Path], topics: dict[str, str]) -> 'dict[str, RecordedRun]':
+        """Read runs, with other signals by topic or column, and say how files were understood."""
+        from nadrc_ros.records.read_run import read_runs
+
+        source = attrs.evolve(self.source, signals={**topics, **self.source.signals})
+        with progress(f'reading {paths[0]}' if len(paths) == 1 else f'reading {len(paths)} runs'):
+            runs = read_runs(paths, source, self.begin, self.end)
+        for run in runs.values():
+            if run.told:
+                complain(f'{run.path}: {run.told}')
+        return runs
 
 
 def log(

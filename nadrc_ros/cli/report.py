@@ -4,10 +4,8 @@
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
-import attrs
 from nadrc_ros.cli import options
-from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.progress import progress
+from nadrc_ros.cli.failure import reporting
 import typer
 
 if TYPE_CHECKING:
@@ -44,15 +42,7 @@ def report(
     """
     options.check_ending(static, '--static')
     with reporting():
-        from nadrc_ros.records.read_run import read_runs
-
-        signals = _topics(topic or []) | dict(log.source.signals)
-        source = attrs.evolve(log.source, signals=signals)
-        with progress('reading'):
-            found = read_runs(runs, source, log.begin, log.end)
-        for run in found.values():
-            if run.told:
-                complain(f'{run.path}: {run.told}')
+        found = log.read(runs, _topics(topic or []))
         if static is not None:
             _draw(static, found)
             if out is None:

@@ -31,7 +31,9 @@ def read_runs(
     end: float | None = None,
 ) -> dict[str, RecordedRun]:
     """
-    Read runs, and name them by what tells them apart; ``source`` is for bags and CSV files.
+    Read runs, and name them by what tells them apart.
+
+    ``source`` is for bags and CSV files, and of several runs for these alone.
 
     Of each counts what is from ``begin`` to ``end`` [s]; the figures of merit count the time from
     there.
@@ -46,7 +48,7 @@ def read_runs(
     """
     runs = []
     for path in dict.fromkeys(paths):
-        own = (path / SAMPLES).is_file()
+        own = len(paths) > 1 and (path / SAMPLES).is_file()
         try:
             runs.append(window(read_run(path, _OWN_NAMES if own else source), begin, end))
         except UserError as error:

@@ -140,6 +140,8 @@ class Rows:
     ----------
     begin
         When the first row begins [ns], None before it.
+    newest
+        The latest time of any sample [ns].
     late
         How many measurements came after the rows of their time were made: they have none.
     gaps
@@ -155,7 +157,7 @@ class Rows:
         self._spacing = Spacing()
         self._instants: list[tuple[int, float, float]] = []
         self._known = self._last = -1  # instants: all up to here are known, the last one
-        self._newest = -1
+        self.newest = -1
         self._duration = duration
         self._over = False  # all up to the end is known
 
@@ -171,16 +173,11 @@ class Rows:
     @property
     def stop(self) -> float:
         """Return when the last row ends [ns]: that of the newest sample, or of the duration."""
-        return self._limit if self._over else min(self._newest, self._limit)
+        return self._limit if self._over else min(self.newest, self._limit)
 
     @property
     def _limit(self) -> float:
         return inf if self.begin is None else self.begin + self._duration
-
-    @property
-    def newest(self) -> int:
-        """Return the latest time of any sample [ns]."""
-        return self._newest
 
     def take(self, name: str, time: int, value: float, stamp: float = nan, lost: int = 0) -> None:
         """
@@ -188,7 +185,7 @@ class Rows:
 
         ``stamp`` goes with it into the row; ``lost`` is how many are missing before it.
         """
-        self._newest = max(self._newest, time)
+        self.newest = max(self.newest, time)
         if name == _MEASUREMENT and time <= self._known:
             self.late += 1
         else:
@@ -204,7 +201,7 @@ class Rows:
 
     def end(self) -> list[Row]:
         """Return all rows that are left; a stream that ended before the others leaves a gap."""
-        rows = self._close(self._newest, 0.0)
+        rows = self._close(self.newest, 0.0)
         if self.begin is None:
             return rows
         if self._instants:
