@@ -10,6 +10,7 @@ from nadrc_ros.tuning.identification.delays import likely_delays
 from nadrc_ros.tuning.identification.estimate import is_open
 from nadrc_ros.tuning.identification.fit import Fit, fit_direct
 from nadrc_ros.tuning.identification.identify import identify, Plant
+from nadrc_ros.tuning.identification.instruments import answers
 from nadrc_ros.tuning.identification.log import log_of
 from nadrc_ros.tuning.identification.motion import direction, noise_deviation, rate_of
 from nadrc_ros.tuning.identification.predictor import Form, Log
@@ -134,6 +135,27 @@ def test_an_answer_of_the_command_is_known_as_that(name: str) -> None:
     log = log_of(CASES[name].log(seed=0))
     found = is_open(log, fit_direct(log, Form(order=CASES[name].order)))
     assert found == name.endswith('open loop')
+
+
+@pytest.mark.parametrize(
+    ('share', 'rows', 'late', 'known'),
+    [
+        (0.5, 4000, 0, True),
+        (0.5, 4000, 3, True),
+        (0.5, 4000, 4, False),
+        (0.3, 1000, 0, True),
+        (0.12, 4000, 0, False),  # not much
+        (0.3, 100, 0, False),  # not certain
+    ],
+)
+def test_an_answer_is_soon_and_related_and_certain(
+    share: float, rows: int, late: int, known: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    surprise, other = rng.normal(size=(2, rows))
+    changes = share * np.roll(surprise, late) + np.sqrt(1.0 - share**2) * other
+    log = Log(measurement=other, command=np.cumsum(changes), reference=other, h=0.01)
+    assert answers(log, surprise) == known
 
 
 def test_kinks_of_the_motion_are_no_noise() -> None:
