@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import pickle
 
 import attrs
 from nadrc_ros.adrc import SettingError
@@ -86,3 +87,11 @@ def test_every_run_gets_a_plant_of_its_own(tmp_path: Path) -> None:
     first, second = (scenario.run('it') for _ in range(2))
     assert first.output[-1] != 0.0
     assert np.array_equal(first.output, second.output)
+
+
+def test_a_scenario_is_sent_without_the_code_of_its_plant(tmp_path: Path) -> None:
+    (tmp_path / 'worn.py').write_text(WORN)
+    scenario = loads(SHORT.replace('plant: chain', 'plant: {file: worn.py}'), tmp_path)
+    sent = pickle.dumps(scenario)
+    assert type(scenario.experiment.plant).__module__.encode() not in sent
+    assert pickle.loads(sent) == scenario

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 import re
 from typing import Any
 
@@ -73,6 +74,11 @@ class Scenario(Conditions):
         object.__setattr__(self, 'initial_state', experiment.initial_state)
         object.__setattr__(self, 'retunes', retunes)
         object.__setattr__(self, 'experiment', attrs.evolve(experiment, retunes=retunes))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A plant of a user's file cannot be sent to another process, but it can be made there.
+        given = {field.name for field in attrs.fields(Scenario) if field.init}
+        return partial(Scenario, **{name: getattr(self, name) for name in given}), ()
 
     @property
     def code(self) -> tuple[str, ...]:
