@@ -8,7 +8,7 @@ from math import nan
 import time
 
 from nadrc_ros.records.recording import NEEDED, STAMPED
-from nadrc_ros.records.rows import Gap, Row, Rows
+from nadrc_ros.records.rows import Row, Rows
 from nadrc_ros.ros.diagnostics import OK, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.stamps import Departures, Losses, Offset
@@ -54,7 +54,7 @@ class Intake:
         """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
         self.open = True
         self.clock_jumps = 0
-        self._jumps: list[tuple[int, str]] = []
+        self._jumps: list[tuple[int, str, str]] = []
         self._rows = Rows(list(self.losses), self._duration * _SECOND)
         self._begin = begin
         self._looked = self.now()
@@ -99,13 +99,9 @@ class Intake:
         moment = departures.of(info, now)
         if departures.clock_jumps > before:
             self.clock_jumps += 1
-            self._jumps.append((moment, source))
+            text = f'the clock that stamps {source} jumped'
+            self._jumps.append((moment, 'clock_jump', text))
         return moment
-
-    def jumps(self) -> list[tuple[int, str]]:
-        """Return when whose clock jumped, since that was asked for."""
-        found, self._jumps = self._jumps, []
-        return found
 
     def since_begin(self, moment: float) -> float | None:
         """Return the time of a moment in the run [s], None before its first row."""
@@ -121,11 +117,16 @@ class Intake:
         self._looked = now
         return until, self._rows.close(until)
 
-    def gaps(self) -> list[Gap]:
-        """Return the gaps in the run that were found since they were asked for."""
-        found, self._rows.gaps = self._rows.gaps, []
-        regular = [gap for gap in found if gap.signal in _REGULAR]
-        return [gap for gap in regular if self.since_begin(gap.time) is not None]
+    def happened(self) -> list[tuple[int, str, str]]:
+        """Return time [ns], kind and text of gaps and clock jumps since that was asked for."""
+        found, self._jumps = self._jumps, []
+        gaps, self._rows.gaps = self._rows.gaps, []
+        for gap in gaps:
+            if gap.signal in _REGULAR and self.since_begin(gap.time) is not None:
+                cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
+                text = f'no {gap.signal} for {gap.length / _SECOND:.4g} s: {cause}'
+                found.append((gap.time, 'gap', text))
+        return found
 
     def end(self) -> list[Row]:
         """Return the rows that are left, and take no more samples."""

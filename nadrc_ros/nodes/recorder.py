@@ -37,7 +37,7 @@ from nadrc_ros.records.recording import (
     topic_of,
     TRUTH,
 )
-from nadrc_ros.records.rows import Gap, Row
+from nadrc_ros.records.rows import Row
 from nadrc_ros.ros.diagnostics import OK, receive_events, Report, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
@@ -203,11 +203,7 @@ class RecorderNode(LiveNode):
         self._note(write, '/parameter_events of ' + node, info)
 
     def _on_event(self, node: str, kind: str, message: str, info: Info) -> None:
-        self._note(
-            lambda t: append_event(self.folder.path, Event(t, node, kind, message)),
-            'events of ' + node,
-            info,
-        )
+        self._note(partial(self._write_event, node, kind, message), 'events of ' + node, info)
 
     def _note(self, note: Note, source: str, info: Info | None) -> None:
         """Write something when the rows of its time are written: only then is t known."""
@@ -220,10 +216,9 @@ class RecorderNode(LiveNode):
         self._notes.append((moment, note))
 
     def _write_notes(self, until: float) -> None:
-        self._notes += [(gap.time, partial(self._write_gap, gap)) for gap in self.intake.gaps()]
-        for moment, source in self.intake.jumps():
-            message = f'the clock that stamps {source} jumped'
-            self._notes.append((moment, partial(self._write_own, 'clock_jump', message)))
+        own = self.get_fully_qualified_name()
+        for moment, kind, message in self.intake.happened():
+            self._notes.append((moment, partial(self._write_event, own, kind, message)))
         ready = [each for each in self._notes if each[0] <= until]
         self._notes = [each for each in self._notes if each[0] > until]
         for moment, note in sorted(ready, key=lambda each: each[0]):
@@ -231,14 +226,8 @@ class RecorderNode(LiveNode):
             if t is None or t <= (self.settings.duration or inf):
                 note(t)
 
-    def _write_gap(self, gap: Gap, t: float | None) -> None:
-        cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
-        message = f'no {gap.signal} for {gap.length / _SECOND:.4g} s: {cause}'
-        self._write_own('gap', message, t)
-
-    def _write_own(self, kind: str, message: str, t: float | None) -> None:
-        event = Event(t, self.get_fully_qualified_name(), kind, message)
-        append_event(self.folder.path, event)
+    def _write_event(self, node: str, kind: str, message: str, t: float | None) -> None:
+        append_event(self.folder.path, Event(t, node, kind, message))
 
     # ---- rows ----
 
