@@ -1,9 +1,6 @@
 """`nadrc tune`: bandwidths, b0 and gains of a scenario's controllers by evolutionary search."""
 
 # ruff: noqa: UP045
-from collections.abc import Iterator
-from concurrent.futures import Executor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
@@ -21,6 +18,7 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.search.study import TuningStudy
 
 _OUT = Path('out/tune')
+_MOST_FRONT_ROWS = 12
 
 
 @takes(values=fields(TuneSettings, unset=True))
@@ -178,6 +176,7 @@ def _studies(
 
 
 def _search(studies: 'list[TuningStudy]', jobs: Optional[int]) -> None:
+    from nadrc_ros.cli.workers import processes, threads
     from nadrc_ros.tuning.search.study import run_studies
 
     going = [study for study in studies if study.done < study.tuning.trials]
@@ -190,28 +189,11 @@ def _search(studies: 'list[TuningStudy]', jobs: Optional[int]) -> None:
                 f'generation has {study.first}, each later one {study.tuning.population}'
             )
     total, done = sum(one.total for one in going), sum(one.done for one in going)
-    fast = all(study.judge.compiled for study in going)
-    with progress('designs', total, done) as tell, _workers(fast, jobs) as executor:
+    # Compiled runs need no process each, and one by one they need no other process.
+    in_threads = jobs == 1 or all(study.judge.compiled for study in going)
+    workers = threads(jobs) if in_threads else processes(jobs)
+    with progress('designs', total, done) as tell, workers as executor:
         run_studies(going, executor, tell)
-
-
-@contextmanager
-def _workers(fast: bool, jobs: Optional[int]) -> 'Iterator[Executor]':
-    """Give threads to runs that are compiled or come one by one, else processes."""
-    from concurrent.futures import ThreadPoolExecutor
-    import os
-
-    from nadrc_ros.cli.workers import processes
-
-    if fast or jobs == 1:
-        threads = ThreadPoolExecutor(jobs or os.cpu_count())
-        try:
-            yield threads
-        finally:
-            threads.shutdown(cancel_futures=True)
-    else:
-        with processes(jobs) as executor:
-            yield executor
 
 
 def _finish(
@@ -246,9 +228,6 @@ def _finish(
     for remark in {about_reference(one.settings) for one in found} - {''}:
         typer.echo(remark)
     typer.echo(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
-
-
-_MOST_FRONT_ROWS = 12
 
 
 def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:

@@ -1,9 +1,9 @@
-"""Where the runs of a sweep are done: processes of our own, or those of a Dask cluster."""
+"""Where runs are done: threads or processes of our own, or those of a Dask cluster."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 import os
@@ -14,6 +14,16 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.extras import MissingPackage
 
 _CONNECT_TIMEOUT = 10.0
+
+
+@contextmanager
+def threads(jobs: int | None) -> Iterator[Executor]:
+    """Give so many threads, by default one per core, for runs that are compiled."""
+    executor = ThreadPoolExecutor(jobs or os.cpu_count())
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)
 
 
 @contextmanager
