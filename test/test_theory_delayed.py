@@ -15,7 +15,9 @@ from nadrc_ros.theory.delayed import (
     delayed_loop,
     is_stable_loop,
     LOAD,
+    loop_grid,
     NOISE,
+    open_response,
     OUTPUT,
     REFERENCE,
     step_responses,
@@ -139,6 +141,16 @@ def test_a_design_for_a_long_delay_needs_little_memory_and_says_the_same_at_any_
     assert fast.input_gain_margin == pytest.approx(slow.input_gain_margin, rel=0.02)
     runs = [design.expected()[design.chosen.name] for design in found]
     assert runs[1].itae == pytest.approx(runs[0].itae, rel=0.02)
+
+
+def test_a_grid_follows_each_turn_of_a_delay_where_the_loop_still_acts() -> None:
+    design = wide_design(inner_bandwidth=20.0, outer_bandwidth=20.0, controller_bandwidth=5.0)
+    for delay in (0.5, 3.0):
+        loop = delayed_loop(design, chain(2, design.b0), H, delay)
+        omega = loop_grid(loop, 50)
+        (acts,) = np.nonzero(np.abs(open_response(loop)(omega)) > 0.5)
+        assert np.diff(omega[: acts[-1] + 1]).max() * delay < 0.26
+        assert omega[-1] <= np.pi / H * (1.0 + 1e-9) and len(omega) < 2000
 
 
 def test_milliseconds_that_were_given_as_seconds_are_refused() -> None:
