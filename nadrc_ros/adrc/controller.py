@@ -35,6 +35,17 @@ class Controller:
         That the sensor was seen to work already, as in a simulation, where the plant waits at its
         initial state: the first valid sample then stands for ``good_samples``.
 
+    Attributes
+    ----------
+    settings, design, state, policy
+        What runs, and where law and policy are; a retune takes over with the next tick.
+    sample, reference, command, status
+        Of the last tick: what it was told, r and its derivatives as they are followed, what came.
+    counts
+        How often each status came; a refused reference counts as ``BAD_REFERENCE``.
+    refused_measurement, refused_reference
+        The last one, if it was out of range; None and nan once a good one came.
+
     Examples
     --------
     >>> controller = Controller(ControllerSettings(plant_order=1, b0=2.0), checked=True)
