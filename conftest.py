@@ -7,7 +7,7 @@ That is longer runs of the tests of promise 20, and more random cases.
 import os
 import signal
 
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 import pytest
 
 # As the commands do, and before NumPy is imported: with threads of its own, which wait busily,
@@ -18,6 +18,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # A busy machine may keep any example waiting.
 settings.register_profile('test', deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile('soak', settings.get_profile('test'), max_examples=100_000)
+# Whether an example fails is enough there, the simplest one is not sought.
+settings.register_profile(
+    'mutants', settings.get_profile('test'), phases=(Phase.explicit, Phase.generate)
+)
 settings.load_profile('test')
 
 

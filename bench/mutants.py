@@ -62,7 +62,7 @@ ARITHMETIC = {'Add', 'Sub', 'Mul', 'Div', 'Pow'}
 LEFT_OUT = ('Variable', 'RemoveDecorator', 'Exception', '_Is', 'Invert', 'UAdd')
 # One more or less is no change worth a test from here on.
 LARGE = 1000.0
-OPTIONS = ('-xqq', '-p', 'no:cacheprovider', '--hypothesis-seed=0')
+OPTIONS = ('-xqq', '-p', 'no:cacheprovider', '--hypothesis-profile=mutants', '--hypothesis-seed=0')
 IGNORED = ('.git', '.venv*', 'build', 'install', 'log', 'out', 'runs', '__pycache__', '.*_cache')
 
 
@@ -140,8 +140,7 @@ def tests_of(part: str, file: str = '') -> list[str]:
     found = [n for pattern in PARTS[part] for n in names if fnmatch(n, pattern)]
     if not found:
         raise SystemExit(f'{part}: no test file matches {PARTS[part]}')
-    stem = Path(file).stem
-    return sorted(dict.fromkeys(found), key=lambda n: not stem or f'test_{stem}' not in n)
+    return sorted(dict.fromkeys(found), key=lambda n: Path(file).stem not in n)
 
 
 class Tree:
@@ -184,9 +183,8 @@ class Tree:
             return outcome, diff
         finally:
             path.write_text(source, encoding='utf-8')
-            os.utime(
-                path, ns=(times.st_atime_ns, times.st_mtime_ns)
-            )  # its byte code is good again
+            # so that its byte code is good again
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
 def with_children(process: subprocess.Popen[bytes]) -> None:
