@@ -5,7 +5,7 @@ from __future__ import annotations
 from bench.identify import figures, refusals, study
 from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.tuning.identification.candidates import is_lag
+from nadrc_ros.tuning.identification.candidates import dry_of, is_lag
 from nadrc_ros.tuning.identification.delays import likely_delays
 from nadrc_ros.tuning.identification.estimate import is_open
 from nadrc_ros.tuning.identification.fit import Fit, fit_direct
@@ -156,6 +156,18 @@ def test_an_answer_is_soon_and_related_and_certain(
     changes = share * np.roll(surprise, late) + np.sqrt(1.0 - share**2) * other
     log = Log(measurement=other, command=np.cumsum(changes), reference=other, h=0.01)
     assert answers(log, surprise) == known
+
+
+def test_friction_and_backlash_are_allowed_for_where_the_direction_of_motion_is_known() -> None:
+    """Of a plant of order 1, whose measurement is what moves, friction goes by its sign."""
+    signs = np.ones(9)
+    for way, side, of_order_1, of_order_2 in (
+        (None, None, (), ()),
+        (signs, None, ('backlash',), ('friction', 'backlash')),
+        (signs, signs, ('friction', 'backlash'), ('friction', 'backlash')),
+    ):
+        log = Log(measurement=signs, command=signs, reference=signs, h=0.01, way=way, side=side)
+        assert (dry_of(log, 1), dry_of(log, 2)) == (of_order_1, of_order_2)
 
 
 def test_kinks_of_the_motion_are_no_noise() -> None:
