@@ -125,6 +125,7 @@ class Figures:
 
     def _length(self, span: float) -> float:
         """Return for how long a row counts after which the next one came ``span`` later [s]."""
+        # The bound is that of the rows before: a gap must not widen what counts as one.
         gap, length = self._spacing.is_gap(span), span
         if gap:
             length = self._spacing.usual

@@ -212,6 +212,7 @@ class Rows:
 
     def _close(self, until: int, wait: float) -> list[Row]:
         """Close rows; a measurement may come so many spacings after an output before ``until``."""
+        # What comes after the end of the run is in no row, gap or loss, however late we look.
         self._over = self._over or until >= self._limit
         until = int(min(until, self._limit))
         for name, track in self._tracks.items():
@@ -220,6 +221,8 @@ class Rows:
         if self.begin is None and not self._start():
             self._forget()
             return []
+        # An instant is over with the next one, since only then is its last command known: the one
+        # that acted until then. The newest waits, unless it is silence that follows.
         rows = [self._row(one, two[0]) for one, two in zip(self._instants, self._instants[1:])]
         del self._instants[: len(rows)]
         if self._instants and self._spacing.is_gap(until - self._instants[0][0]):
@@ -267,6 +270,7 @@ class Rows:
         command = self._tracks[_COMMAND].times
         if not self._instants:
             return False
+        # A command later than what is known may have a predecessor that is still on its way.
         first = command[0] if command and command[0] <= self._known else inf
         before = bisect_right(self._instants, first, key=lambda instant: instant[0])
         del self._instants[: max(0, before - 1)]
@@ -284,7 +288,7 @@ class Rows:
         span, usual = end - time, self._spacing.usual
         if isfinite(end) and not self._spacing.is_gap(span):
             self._spacing.add(span)
-        else:
+        else:  # a command from the end of a silence is not what answered its beginning
             end = time + (usual or inf)
         values, stamps = {}, {}
         for name, track in self._tracks.items():
@@ -313,10 +317,11 @@ class Rows:
     def _between(self, track: Track, place: int, time: int) -> float:
         """Return a reference at ``time``, on the line to the next sample where it moves."""
         value, usual = track.values[place], self._spacing.usual
-        if not 1 <= place + 1 < len(track.times) or place < 1:
+        if not 1 <= place < len(track.times) - 1:
             return value
         span = track.times[place + 1] - track.times[place]
         following = track.values[place + 1]
+        # After a value that is held the next one is a step: on a line it would come too early.
         moves = value != track.values[place - 1] and isfinite(following)
         if (
             not moves
