@@ -11,9 +11,9 @@ from probe import Processes, ROOT
 import pytest
 
 NODES = ('controller', 'plant', 'reference', 'recorder')
-WITHOUT_ROS = """
+WITHOUT = """
 import sys
-sys.modules['rclpy'] = None
+sys.modules['{}'] = None
 from nadrc_ros.nodes import executables
 raise SystemExit(executables.{}())
 """
@@ -58,10 +58,16 @@ def test_what_is_for_nobody_on_a_command_line_is_refused(
 
 @pytest.mark.parametrize('node', NODES)
 def test_without_ros_one_sentence_says_so(node: str) -> None:
-    told = run('-c', WITHOUT_ROS.format(node))
+    told = run('-c', WITHOUT.format('rclpy', node))
     assert told.returncode == 1
     assert told.stderr.startswith(f'the {node} needs ROS 2 Jazzy, which is not here')
     assert len(told.stderr.splitlines()) == 1
+
+
+def test_where_a_part_of_this_package_is_missing_ros_is_not_blamed() -> None:
+    told = run('-c', WITHOUT.format('nadrc_ros.simulation.plant_run', 'plant'))
+    assert told.returncode == 1
+    assert 'ROS 2 Jazzy' not in told.stderr and 'nadrc_ros.simulation.plant_run' in told.stderr
 
 
 @pytest.mark.parametrize(
