@@ -26,6 +26,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from math import nan
+from multiprocessing import get_context
+import os
 from pathlib import Path
 import re
 from tempfile import TemporaryDirectory
@@ -179,7 +181,7 @@ def study(names: Iterable[str], seeds: int = SEEDS) -> dict[tuple[str, str], lis
     """Return the answers of all seeds by plant and order, from as many processes as there are."""
     parts = [(name, order) for name in names for order in ORDERS]
     tasks = [(name, seed, order) for name, order in parts for seed in range(seeds)]
-    with ProcessPoolExecutor() as executor:
+    with ProcessPoolExecutor(mp_context=get_context('spawn')) as executor:
         answers = executor.map(_named, tasks)
         return {part: [next(answers) for _ in range(seeds)] for part in parts}
 
@@ -194,6 +196,8 @@ def refusals(answers: Sequence[Answer]) -> str:
 
 def main(names: Iterable[str] = PLANTS, seeds: int = SEEDS, **where: Any) -> None:
     """Try all plants and print a row for each."""
+    # A process for each core has no use for threads of linear algebra, which wait for each other.
+    os.environ |= {'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
     found = study(names, seeds)
     samples = {
         f'{name}, {order}': [(a.seed, a.b0, a.error, a.order) for a in answers]

@@ -34,10 +34,15 @@ from nadrc_ros.simulation.protocols import MutableVector, Vector
 from nadrc_ros.simulation.simulate import simulate
 from nadrc_ros.tuning.design.first_design import first_design
 from nadrc_ros.tuning.design.requirements import Requirements
-from nadrc_ros.tuning.identification.advice import advise, running_controller
+from nadrc_ros.tuning.identification.advice import (
+    advise,
+    NAME,
+    reference_text,
+    running_controller,
+    scenario_of,
+)
 from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import log_of
-from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
 from nadrc_ros.tuning.search.score import Judge
 from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.variables import designed, first_designs, variables

@@ -18,13 +18,17 @@ from nadrc_ros.scenario import find_scenario, load, Scenario
 from nadrc_ros.scenario.files import loads
 from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.tuning import LEAST_MODULUS
-from nadrc_ros.tuning.identification.advice import advise, limits_of, running_controller
+from nadrc_ros.tuning.identification.advice import (
+    advise,
+    limits_of,
+    reference_text,
+    running_controller,
+    scenario_of,
+)
 from nadrc_ros.tuning.identification.estimate import Estimate, robust_error
 from nadrc_ros.tuning.identification.identify import identify
-from nadrc_ros.tuning.identification.log import is_one_sine, log_of
-from nadrc_ros.tuning.identification.motion import noise_deviation
+from nadrc_ros.tuning.identification.log import is_one_sine, log_of, noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Form, Log, plant_polynomials
-from nadrc_ros.tuning.identification.repeated import reference_text, scenario_of
 import numpy as np
 import pytest
 from scipy.signal import lfilter

@@ -5,14 +5,11 @@ from __future__ import annotations
 from bench.identify import figures, refusals, study
 from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.tuning.identification.candidates import dry_of, is_lag
-from nadrc_ros.tuning.identification.delays import likely_delays
-from nadrc_ros.tuning.identification.estimate import is_open
-from nadrc_ros.tuning.identification.fit import Fit, fit_direct
+from nadrc_ros.tuning.identification.candidates import direction, dry_of, is_lag, rate_of
+from nadrc_ros.tuning.identification.estimate import answers, is_open
+from nadrc_ros.tuning.identification.fit import Fit, fit_direct, likely_delays
 from nadrc_ros.tuning.identification.identify import identify, Plant
-from nadrc_ros.tuning.identification.instruments import answers
-from nadrc_ros.tuning.identification.log import log_of
-from nadrc_ros.tuning.identification.motion import direction, noise_deviation, rate_of
+from nadrc_ros.tuning.identification.log import log_of, noise_deviation
 from nadrc_ros.tuning.identification.predictor import Form, Log
 import numpy as np
 import pytest
@@ -51,7 +48,7 @@ def test_all_delays_are_tried_at_once(periods: int) -> None:
     output = np.concatenate(([0.0], np.cumsum(0.01 * late)[:-1]))
     output += rng.normal(scale=1e-4, size=len(output))
     log = Log(measurement=output, command=command, reference=command, h=0.01)
-    found = [suggestion.periods for suggestion in likely_delays(log, 1)]
+    found = [start.delay / log.h for start in likely_delays(log, 1)]
     assert min((abs(k - periods) for k in found), default=0) <= 2
 
 
@@ -82,6 +79,12 @@ def test_dry_friction_is_allowed_for(name: str) -> None:
 
 def test_friction_that_a_square_hides_is_in_the_interval() -> None:
     assert plant_of('slide, dry friction, square', 2).b0.half_width < 0.15
+
+
+def test_first_rows_in_which_older_commands_act_do_not_count_in_a_model_without_delay() -> None:
+    """With them b0 was five times too large, +-17 %."""
+    with pytest.raises(UserError, match='b0 may be anything'):
+        identify(log_of(CASES['heater, one step from cold'].log(seed=0)))
 
 
 def test_small_backlash_is_no_order() -> None:

@@ -10,8 +10,7 @@ from hypothesis import given, settings, strategies
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.cli.app import app
 from nadrc_ros.records.shaping import outliers
-from nadrc_ros.tuning.identification.cause import seems_swapped
-from nadrc_ros.tuning.identification.log import log_of
+from nadrc_ros.tuning.identification.log import log_of, seems_swapped
 import numpy as np
 import pytest
 from typer.testing import CliRunner

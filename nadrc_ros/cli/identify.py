@@ -106,8 +106,7 @@ def _prepared(
 ) -> 'tuple[RecordedRun, Log, int, list[str]]':
     """Return the run, what the fit gets of it, every which row that is, and doubts."""
     from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
-    from nadrc_ros.tuning.identification.cause import seems_swapped, SWAPPED
-    from nadrc_ros.tuning.identification.log import log_of
+    from nadrc_ros.tuning.identification.log import log_of, seems_swapped, SWAPPED
 
     run = recorded.path
     if wrap:
@@ -150,8 +149,7 @@ def _write_scenario(path: Path, plant: 'Plant', log: 'Log', advice: 'Advice') ->
     """Write a scenario that repeats the log, and return the ISU for a tuning of it."""
     from nadrc_ros.atomic import write_whole
     from nadrc_ros.scenario.files import dump
-    from nadrc_ros.tuning.identification.advice import rounded
-    from nadrc_ros.tuning.identification.repeated import NAME, reference_text, scenario_of
+    from nadrc_ros.tuning.identification.advice import NAME, reference_text, rounded, scenario_of
 
     text = reference_text(log)
     followed = path.with_suffix('.csv') if text else None

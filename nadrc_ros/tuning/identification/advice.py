@@ -1,36 +1,51 @@
 """
-What to do with an identified plant: the requirements of a first design, and its settings.
+What to do with an identified plant: a first design, its settings, and a scenario to go on from.
 
 The design is that of ``nadrc design``: the shortest settling time that rate, delay, noise and the
 range of the command leave, :func:`nadrc_ros.tuning.design.limits.fastest`. What a plant does not
-tell (limits, timeouts, ...) is that of the controller in the log, where it was recorded.
+tell (limits, timeouts, ...) is that of the controller in the log, where it was recorded. The
+scenario is the experiment of the log: the plant that was found, what it followed, its noise.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import attrs
-from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import History
+from nadrc_ros.scenario.scenario import Scenario
+from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
+from nadrc_ros.simulation.faults import Faults, MeasurementFault
+from nadrc_ros.simulation.noise import Noise
+from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.theory.margins import Margins
 from nadrc_ros.tuning.design.bandwidths import patient
 from nadrc_ros.tuning.design.first_design import first_design, FirstDesign
 from nadrc_ros.tuning.design.limits import fastest
 from nadrc_ros.tuning.design.requirements import Requirements
 from nadrc_ros.tuning.identification.identify import Plant
-from nadrc_ros.tuning.identification.predictor import Log
+from nadrc_ros.tuning.identification.predictor import (
+    Array,
+    filtered,
+    Form,
+    Log,
+    noise_polynomial,
+    plant_polynomials,
+)
 import numpy as np
 
+NAME = 'identified'
 # Standard deviation of the command that noise may cause, as a share of the command's range.
 NOISE_SHARE = 0.05
 # Without recorded limits: an end at which the command was so often, one sample after the other or
 # not, is taken for one. Else its range is as much again.
-AT_A_LIMIT = 5
+_OFTEN_AT_A_LIMIT = 5
 # What makes parameters those of a controller.
-OF_A_CONTROLLER = {'plant_order', 'b0', 'command_min', 'command_max'}
+_CONTROLLER_HAS = {'plant_order', 'b0', 'command_min', 'command_max'}
 # What a design decides.
-DESIGNED = (
+_DESIGNED = (
     'plant_order',
     'b0',
     'structure',
@@ -41,6 +56,8 @@ DESIGNED = (
     'controller_bandwidth',
     'observer_gain_factor',
 )
+# A search simulates thousands of runs as long as that.
+_MOST_PERIODS = 50_000
 
 
 @attrs.frozen(kw_only=True)
@@ -114,7 +131,7 @@ def _settings(
     limits: tuple[float, float],
     running: ControllerSettings | None,
 ) -> ControllerSettings:
-    designed = {name: getattr(chosen, name) for name in DESIGNED}
+    designed = {name: getattr(chosen, name) for name in _DESIGNED}
     base = running or attrs.evolve(
         chosen,
         command_min=limits[0],
@@ -135,18 +152,11 @@ def _settings(
 
 def running_controller(history: History) -> ControllerSettings | None:
     """Return the settings of the one controller in a log, as they were last; None if unknown."""
-    found = []
-    for node, first in history.parameters.items():
-        values = dict(first)
-        values |= {change.name: change.after for change in history.changes if change.node == node}
-        if values.keys() >= OF_A_CONTROLLER:
-            found.append({k: v for k, v in values.items() if k in declared(ControllerSettings)})
-    if len(found) != 1:
-        return None
-    try:
-        return ControllerSettings(**found[0])
-    except SettingError:  # of another version
-        return None
+    controllers = [
+        n for n, values in history.parameters.items() if values.keys() >= _CONTROLLER_HAS
+    ]
+    steps = history.controller_settings()
+    return steps[-1][1] if len(controllers) == 1 and steps else None
 
 
 def limits_of(log: Log, running: ControllerSettings | None) -> tuple[float, float]:
@@ -161,7 +171,7 @@ def limits_of(log: Log, running: ControllerSettings | None) -> tuple[float, floa
     u = log.command
     low, high = float(u.min()), float(u.max())
     room = 2.0 * max(abs(low), abs(high))
-    at_low, at_high = (int(np.sum(u == end)) >= AT_A_LIMIT for end in (low, high))
+    at_low, at_high = (int(np.sum(u == end)) >= _OFTEN_AT_A_LIMIT for end in (low, high))
     free_low, free_high = 0.0 if low >= 0.0 else -room, 0.0 if high <= 0.0 else room
     return (
         rounded(min(low, 0.0) if at_low else free_low),
@@ -190,3 +200,78 @@ def jump_of(log: Log) -> float:
 def rounded(value: float, digits: int = 4) -> float:
     """Return the value with that many significant digits, as one writes it down."""
     return float(f'{value:.{digits}g}')
+
+
+def reference_text(log: Log) -> str:
+    """Return the reference as the text of a CSV file, a row where it changes; '' if unknown."""
+    if not np.isfinite(log.reference).all():
+        return ''
+    kept = np.flatnonzero(np.append(True, np.diff(log.reference) != 0.0))
+    rows = (f'{log.h * k:.9g},{log.reference[k]:.9g}' for k in kept)
+    return '\n'.join(('time,reference', *rows, ''))
+
+
+def scenario_of(
+    plant: Plant, log: Log, settings: ControllerSettings, reference: Path | None = None
+) -> Scenario:
+    """
+    Return a scenario with the identified chain, from which `nadrc tune` and `simulate` go on.
+
+    It lasts as long as the log, at its rate, with its noise; a delay or lag becomes a delay of the
+    measurement, in whole periods. The reference is that of the file, of :func:`reference_text`;
+    where it is not known, the dominant sine of the measurement. The disturbance is the dominant
+    sine of what b0 and the damping leave unexplained.
+    """
+    rate = rounded(1.0 / plant.period)
+    span = declared(Chain)['damping']
+    damping = min(max(rounded(plant.damping.value), float(span.low or 0)), float(span.high or 0))
+    length = min(len(log.command) * log.h, _MOST_PERIODS / rate)
+    if reference is None:
+        followed = _sine(log.measurement, log.h)
+    else:
+        # Held between its samples, as nothing tells that its derivatives were known.
+        columns = {'time': 'time', 'column': 'reference', 'between': 'hold'}
+        followed = SignalSpec(csv=str(reference), values=columns)
+    delay = delay_of(plant)
+    late = (MeasurementFault(kind='delayed', time=delay),) if delay else ()
+    values = {'order': plant.order, 'gain': settings.b0, 'damping': damping}
+    return Scenario(
+        plant=PlantSpec(name='chain', values=values),
+        initial_state=(rounded(float(log.measurement[0])), *[0.0] * (plant.order - 1)),
+        reference=followed,
+        disturbance=_sine(disturbance(plant, log), log.h),
+        noise=Noise(variance=rounded(plant.noise**2), seed=1),
+        rate=rate,
+        duration=rounded(length),
+        faults=Faults(measurement=late),
+        controllers={NAME: settings},
+    )
+
+
+def _sine(values: Array, h: float) -> SignalSpec:
+    """Return the sine that says most of the values, around their mean."""
+    mean = float(values.mean())
+    power = np.abs(np.fft.rfft(values - mean)) ** 2
+    peak = 1 + int(np.argmax(power[1:]))
+    sine = {
+        'offset': mean,
+        'amplitude': float(np.sqrt(2.0) * values.std()),
+        'frequency': 2.0 * np.pi * peak / (len(values) * h),
+    }
+    return SignalSpec(name='sine', values={key: rounded(value) for key, value in sine.items()})
+
+
+def disturbance(plant: Plant, log: Log) -> Array:
+    """Return d = y^(n) + damping y^(n-1) - b0 u, low-pass filtered, without the filter's start."""
+    late = 'delay' if plant.lateness else ''
+    form = Form(order=plant.order, smoothness=0, late=late)
+    parameters = np.append(np.zeros(plant.order - 1), -plant.damping.value)
+    if plant.lateness:
+        parameters = np.append(parameters, plant.lateness.value)
+    w = plant.disturbance_bandwidth
+    output, command, _ = filtered(log, form, parameters, w)
+    gain = noise_polynomial(form, w, log.h).sum()
+    gain /= plant_polynomials(form, parameters, log.h)[1].sum()
+    started = min(int(5.0 / (w * log.h)), len(output) // 2)
+    found: Array = gain * (output - plant.b0.value * command)[started:]
+    return found

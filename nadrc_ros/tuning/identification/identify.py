@@ -20,34 +20,32 @@ from nadrc_ros.tuning.identification.candidates import (
     candidates,
     explored,
     simplest,
-    with_all_rows,
+    with_room,
     with_ways,
 )
 from nadrc_ros.tuning.identification.estimate import Estimate, is_open, refine, Z95
 from nadrc_ros.tuning.identification.fit import deviation, Fit
-from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine
-from nadrc_ros.tuning.identification.motion import noise_deviation
+from nadrc_ros.tuning.identification.log import ADVICE, is_one_sine, noise_deviation
 from nadrc_ros.tuning.identification.predictor import Log
 import numpy as np
 
-ORDERS = (1, 2, 3)
+_ORDERS = (1, 2, 3)
 # Bandwidths of the prefilters that are tried, relative to that of the noise model.
-BANDS = (1.0, 0.5, 0.25)
+_PREFILTERS = (1.0, 0.5, 0.25)
 # Standard error that remains of the best log, of the value: no plant is quite as its model is.
-LEAST = 0.005
+_LEAST_ERROR = 0.005
 # A slower one is taken where its error is that much smaller: the smallest of several flatters.
-BETTER = 0.6
+_MUCH_SMALLER = 0.6
 # A slower one whose error is that many times as large tells nothing of the model.
-TELLING = 2.0
-# An interval wider than that many times the estimate on either side is no estimate.
-WIDEST = 0.5
-WIDE = 0.2
+_TELLING_ERROR = 2.0
+# An interval wider than that many times the estimate on either side is no estimate, or a doubt.
+_WIDEST, _WIDE = 0.5, 0.2
 # Deviations of noise, below which it may well be that a plant stands.
-DOUBTFUL = 3.0
+_DOUBTFUL_DEVIATIONS = 3.0
 # A model with dry friction or backlash may be that much worse and yet be true.
-TENABLE = 1.03
+_TENABLE = 1.03
 # What follows from the reference alone must predict about as well as what fits best.
-WORSE = 1.2
+_STALLED = 1.2
 
 
 @attrs.frozen(kw_only=True)
@@ -55,33 +53,15 @@ class Plant:
     """
     What a log says about its plant.
 
-    Attributes
-    ----------
-    order
-        Number of integrations n from command to output.
-    b0
-        Input gain [unit of y^(n) per unit command].
-    damping
-        -a_(n-1) of y^(n) = -damping y^(n-1) + ... [1/s]; its inverse is a time constant if the
-        lower coefficients are small.
-    late, lateness
-        '', 'delay', 'lag' or 'delay and lag', and how long [s].
-    dry
-        '', or 'friction' or 'backlash', without which the log is explained worse.
-    noise
-        Standard deviation of the measurement noise.
-    disturbance_bandwidth
-        Of the filter that tells noise from disturbance best [rad/s].
-    unexplained
-        Innovations of the best model of each order tried, relative to the smallest.
-    instruments
-        Whether a reference, or a command that answers nothing, tells the command's part from the
-        disturbance's.
-    samples, period
-        Of the log; period in [s].
-    doubts
-        What weakens the result, a sentence each.
-
+    y^(order) = b0 u - damping y^(order-1) + ..., with b0 in units of y^(order) per unit command
+    and the damping in 1/s. ``late`` is '', 'delay', 'lag' or 'delay and lag', and ``lateness`` how
+    long [s]; ``dry`` is '', or 'friction' or 'backlash', without which the log is explained worse.
+    ``noise`` is the standard deviation of the measurement's, ``disturbance_bandwidth`` that of the
+    filter that tells noise from disturbance best [rad/s]. ``unexplained`` has the innovations of
+    the best model of each order tried, relative to the smallest. ``instruments`` tells whether a
+    reference, or a command that answers nothing, tells the command's part from the disturbance's.
+    ``samples`` and ``period`` [s] are those of the log; ``doubts`` weaken the result, a sentence
+    each.
     """
 
     order: int
@@ -109,9 +89,9 @@ def identify(log: Log, order: int | None = None) -> Plant:
         When the data cannot tell b0, with what is missing and what to do.
 
     """
-    orders = (order,) if order else ORDERS
-    log, suggestions = explored(with_ways(log), orders)
-    fits = [fit for n in orders for fit in candidates(log, n, suggestions[n], order is None)]
+    orders = (order,) if order else _ORDERS
+    log, delayed = explored(with_ways(log), orders)
+    fits = [fit for n in orders for fit in candidates(log, n, delayed[n], order is None)]
     chosen = simplest(fits)
     closed = not log.reference_moves and not is_open(log, chosen)
     if closed and log.reference_known:
@@ -119,14 +99,15 @@ def identify(log: Log, order: int | None = None) -> Plant:
             f'the reference stands at {log.reference[0]:g}: what the command does cannot be told '
             f'from what the disturbance does that it answers: {ADVICE}'
         )
-    log = with_all_rows(log, chosen)
+    # As if the order had been given: what other orders had to leave out for their delays counts.
+    log = with_room(log, delayed[chosen.form.order])
     asked = ADVICE if order else f'give --order if you know it, or {ADVICE}'
     refined, estimates = in_the_best_band(log, chosen, asked)
     b0, late = estimates[0], chosen.form.late
     if chosen.form.dry:
         b0 = however_it_turns(log, refined, b0)
     b0 = or_dry(log, chosen, fits, b0)
-    if not b0.half_width <= WIDEST:
+    if not b0.half_width <= _WIDEST:
         raise RecordingError(
             f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command moves too little '
             f'that the disturbance does not, or the noise is coloured, as behind a filter: {asked}'
@@ -162,12 +143,13 @@ def in_the_best_band(log: Log, chosen: Fit, asked: str = ADVICE) -> tuple[Fit, l
     Econometrica 46, 1978); what they differ by more than their errors widens the interval.
     """
     tried = [
-        refine(log, attrs.evolve(chosen, bandwidth=ratio * chosen.bandwidth)) for ratio in BANDS
+        refine(log, attrs.evolve(chosen, bandwidth=ratio * chosen.bandwidth))
+        for ratio in _PREFILTERS
     ]
     found = [
         (fit, estimates)
         for fit, estimates in tried
-        if deviation(log, fit, fit.bandwidth) <= WORSE * deviation(log, chosen, fit.bandwidth)
+        if deviation(log, fit, fit.bandwidth) <= _STALLED * deviation(log, chosen, fit.bandwidth)
     ]
     if not found:
         raise RecordingError(
@@ -177,21 +159,21 @@ def in_the_best_band(log: Log, chosen: Fit, asked: str = ADVICE) -> tuple[Fit, l
     gains = [estimates[0] for _, estimates in found]
     best = 0
     for k, gain in enumerate(gains):
-        if gain.error < BETTER * gains[best].error:
+        if gain.error < _MUCH_SMALLER * gains[best].error:
             best = k
     own = gains[best]
-    telling = [slow for slow in gains[best + 1 :] if slow.error < TELLING * own.error]
+    telling = [slow for slow in gains[best + 1 :] if slow.error < _TELLING_ERROR * own.error]
     apart = [(abs(slow.value - own.value), slow.error) for slow in telling]
     wrong = max((far**2 - error**2 for far, error in apart if far > Z95 * error), default=0.0)
     fit, estimates = found[best]
-    wrong += (LEAST * own.value) ** 2
+    wrong += (_LEAST_ERROR * own.value) ** 2
     widened = attrs.evolve(own, error=float(np.hypot(own.error, np.sqrt(wrong))))
     return fit, [widened, *estimates[1:]]
 
 
 def however_it_turns(log: Log, fit: Fit, b0: Estimate) -> Estimate:
     """Return b0 with an interval that allows for when exactly the plant stops and turns."""
-    other = refine(with_ways(log, DOUBTFUL), fit)[1][0].value
+    other = refine(with_ways(log, _DOUBTFUL_DEVIATIONS), fit)[1][0].value
     return attrs.evolve(b0, error=float(np.hypot(b0.error, 0.5 * (other - b0.value))))
 
 
@@ -207,11 +189,11 @@ def or_dry(log: Log, chosen: Fit, fits: Sequence[Fit], b0: Estimate) -> Estimate
         same = fit.form == attrs.evolve(chosen.form, dry=fit.form.dry)
         if not same or fit.form.dry in ('', chosen.form.dry):
             continue
-        if fit.innovation <= TENABLE * chosen.innovation:
+        if fit.innovation <= _TENABLE * chosen.innovation:
             other = refine(log, fit)[1][0]
-            if other.half_width <= WIDE:
+            if other.half_width <= _WIDE:
                 low, high = min(low, other.low), max(high, other.high)
-    return Estimate(value=0.5 * (low + high), error=0.5 * (high - low) / Z95)
+    return Estimate.between(low, high)
 
 
 def total(parts: Sequence[Estimate]) -> Estimate | None:
@@ -236,6 +218,6 @@ def _doubts(log: Log, b0: Estimate, closed: bool) -> list[str]:
             'the reference is one sine: stiffness, and a disturbance of nearly that frequency, '
             'cannot be told from b0; a chirp or a square tells more'
         )
-    if b0.half_width > WIDE:
+    if b0.half_width > _WIDE:
         doubts.append(f'the interval is wide, +-{100 * b0.half_width:.0f} %: {ADVICE}')
     return doubts

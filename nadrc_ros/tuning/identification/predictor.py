@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 
 Array = npt.NDArray[np.float64]
 # A loop that starts that many times as far from its reference as it scatters later is stepped.
-FAR = 10.0
+_FAR = 10.0
 
 
 @attrs.frozen(kw_only=True)
@@ -85,7 +85,7 @@ class Log:
             return False
         away = self.reference - self.measurement
         rests = float(np.std(away[len(away) // 2 :]))
-        return bool(np.ptp(self.reference) > 0.0 or abs(away[0]) > FAR * rests)
+        return bool(np.ptp(self.reference) > 0.0 or abs(away[0]) > _FAR * rests)
 
 
 def butterworth(count: int, bandwidth: float, h: float) -> Array:
@@ -185,7 +185,4 @@ def noise_polynomial(form: Form, bandwidth: float, h: float) -> Array:
 
 def differences(count: int) -> Array:
     """Return (1 - 1/z)^count, which takes a polynomial of that degree out of a signal."""
-    polynomial = np.ones(1)
-    for _ in range(count):
-        polynomial = np.convolve(polynomial, [1.0, -1.0])
-    return polynomial
+    return np.atleast_1d(np.poly(np.ones(count)))
