@@ -16,23 +16,19 @@ _ACTIONS = {
     Mode.RAMPING: 'going to the safe command',
     Mode.SAFE: 'at the safe command',
 }
-_REASONS = {
-    Cause.NONE: 'restarting',
-    Cause.START: 'no valid measurement yet',
-    Cause.STALLED: 'no nearer to the reference at a limit of the command, until enabled anew',
-    Cause.DISABLED: 'disabled',
-    Cause.MEASUREMENT_TIMEOUT: 'no valid measurement',
-    Cause.REFERENCE_TIMEOUT: 'no valid reference',
+# Why the law does not act, and how bad that is.
+_CAUSES = {
+    Cause.NONE: ('restarting', OK),
+    Cause.START: ('no valid measurement yet', WARN),
+    Cause.DISABLED: ('disabled', WARN),
+    Cause.REFERENCE_TIMEOUT: ('no valid reference', ERROR),
+    Cause.STALLED: (
+        'no nearer to the reference at a limit of the command, until enabled anew',
+        ERROR,
+    ),
+    Cause.MEASUREMENT_TIMEOUT: ('no valid measurement', ERROR),
 }
-
-LEVELS = {
-    Cause.NONE: OK,
-    Cause.START: WARN,
-    Cause.DISABLED: WARN,
-    Cause.REFERENCE_TIMEOUT: ERROR,
-    Cause.STALLED: ERROR,
-    Cause.MEASUREMENT_TIMEOUT: ERROR,
-}
+LEVELS = {cause: level for cause, (_, level) in _CAUSES.items()}
 
 
 class ModeLog:
@@ -73,7 +69,7 @@ def describe(mode: Mode, cause: Cause, silent: bool = False) -> str:
     if mode == Mode.OK:
         return 'in control'
     action = 'silent' if silent and cause == Cause.DISABLED else _ACTIONS[mode]
-    return f'{action}: {_REASONS[cause]}'
+    return f'{action}: {_CAUSES[cause][0]}'
 
 
 def jump(settings: ControllerSettings, applied: float, command: float, allowed: float) -> str:

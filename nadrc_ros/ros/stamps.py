@@ -206,7 +206,8 @@ class Departures:
             follows = number is None or last[1] is None or number > last[1]
             another = follows and stamp < last[0] - _JUMP
         if another or delay < -_FUTURE:
-            self.clock_jumps += last is not None
+            # By less it is that what seemed another clock was a first sample that lay there.
+            self.clock_jumps += last is not None and (another or delay < -_JUMP)
             self._behind += delay
             delay = self._count = 0
         self._follow(delay, now)

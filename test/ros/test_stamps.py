@@ -315,6 +315,17 @@ def test_a_step_of_the_publishers_clock_moves_no_sample(step: float) -> None:
     assert way.departures.clock_jumps == 1
 
 
+def test_samples_that_lay_there_when_the_first_one_is_taken_are_no_jumps_of_a_clock() -> None:
+    """A recorder that starts on a busy machine said so of every sample of the first second."""
+    way = Way()
+    for k in range(100):
+        way.take(5.0 * k, 500.0 - 5.0 * k)
+    assert [way.take(5.0 * k) for k in range(101, 400)] == pytest.approx(
+        [5.0 * k for k in range(101, 400)], abs=5.1
+    )
+    assert way.departures.clock_jumps == 0
+
+
 def test_a_sample_without_a_stamp_left_when_it_came() -> None:
     info = {'source_timestamp': 0, 'publication_sequence_number': None}
     assert Departures(lambda: 0).of(info, 123) == 123
