@@ -20,6 +20,7 @@ from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.intake import Intake
 from nadrc_ros.records.figures import Figures, summary
 from nadrc_ros.records.history import (
+    about_limits,
     append_event,
     append_parameters,
     Event,
@@ -141,7 +142,7 @@ class RecorderNode(LiveNode):
                 write_about(folder.path, self._about())
                 for node, values in self._watch.known.items():
                     append_parameters(folder.path, None, node, values)
-                    history.take(None, node, values)
+                    history.take(None, node, about_limits(values))
             except OSError:
                 folder.discard()
                 raise
@@ -198,7 +199,8 @@ class RecorderNode(LiveNode):
     def _on_parameters(self, node: str, values: dict[str, Any], info: Info | None) -> None:
         def write(t: float | None) -> None:
             append_parameters(self.folder.path, t, node, values)
-            self._history.take(t, node, values)
+            # not all, as somebody may retune without end
+            self._history.take(t, node, about_limits(values))
 
         self._note(write, '/parameter_events of ' + node, info)
 

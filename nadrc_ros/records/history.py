@@ -122,6 +122,12 @@ class History:
         return None if (low, high) == (SMALLEST, LARGEST) else (low, high)
 
 
+def about_limits(values: Mapping[str, Any]) -> Values:
+    """Return what of the parameters of a node :meth:`History.command_limits` needs: a few."""
+    names = [*(_CONTROLLER_HAS if values.keys() >= _CONTROLLER_HAS else ()), *_COMMAND_LIMITS]
+    return {name: values[name] for name in names if name in values}
+
+
 def write_about(folder: Path, content: Mapping[str, Any]) -> None:
     """Write who runs what, at once."""
     write_json(folder / ABOUT, content)

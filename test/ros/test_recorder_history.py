@@ -161,6 +161,9 @@ def test_without_limits_of_its_own_a_recorder_takes_those_that_the_controller_te
         probe.spin(0.1)
     probe.wait_until(lambda: live and isfinite(live[-1]) and recorder.figures.rows >= 3)
     assert recorder.figures.values().saturated_fraction == live[-1] > 0.3
+    probe.node.set_parameters([Parameter('inner_bandwidth', value=30.0)])
+    probe.wait_until(lambda: read_history(the_run(tmp_path, 0)).changes)
+    assert recorder._history.changes == []  # or its memory would grow with every retune
     probe.node.set_parameters([Parameter('command_max', value=1.5)])
     probe.wait_until(lambda: recorder._watch.known[source]['command_max'] == 1.5)
     period(0.0)
