@@ -6,11 +6,11 @@ from bench.identify import figures, refusals, study
 from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.tuning.identification.candidates import direction, dry_of, is_lag, rate_of
-from nadrc_ros.tuning.identification.estimate import answers, is_open
+from nadrc_ros.tuning.identification.estimate import _orthonormal, answers, is_open
 from nadrc_ros.tuning.identification.fit import Fit, fit_direct, likely_delays
 from nadrc_ros.tuning.identification.identify import identify, Plant
 from nadrc_ros.tuning.identification.log import log_of, noise_deviation
-from nadrc_ros.tuning.identification.predictor import Form, Log
+from nadrc_ros.tuning.identification.predictor import _hastened, Form, Log
 import numpy as np
 import pytest
 
@@ -171,6 +171,26 @@ def test_friction_and_backlash_are_allowed_for_where_the_direction_of_motion_is_
     ):
         log = Log(measurement=signs, command=signs, reference=signs, h=0.01, way=way, side=side)
         assert (dry_of(log, 1), dry_of(log, 2)) == (of_order_1, of_order_2)
+
+
+def test_friction_hastened_by_the_lag_is_friction_again_behind_it() -> None:
+    """The lag of the command is sampled exactly: a step has come to 1 - 1 / e after tau."""
+    h, tau = 0.01, 0.2
+    way = np.sign(np.sin(0.1 * np.arange(400)))
+    hastened = _hastened(Form(order=2, late='lag'), np.array([0.0, 0.0, tau]), way, h)
+    behind, lagged = 0.0, []
+    for value in hastened:
+        behind += (1.0 - np.exp(-h / tau)) * (value - behind)
+        lagged.append(behind)
+    np.testing.assert_allclose(lagged, way, atol=1e-9)
+    assert _hastened(Form(order=2), np.zeros(2), way, h) is way
+
+
+def test_instruments_that_say_the_same_or_nothing_count_once_or_not() -> None:
+    x = np.sin(np.arange(50.0))
+    found = _orthonormal(np.column_stack([x, np.zeros(50), -3.0 * x]))
+    assert found.shape == (50, 1)
+    np.testing.assert_allclose(np.abs(found[:, 0]), np.abs(x) / np.linalg.norm(x), atol=1e-12)
 
 
 def test_kinks_of_the_motion_are_no_noise() -> None:
