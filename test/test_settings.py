@@ -104,6 +104,7 @@ def test_p13_a_setting_is_taken_or_refused_and_nothing_else(value: Any) -> None:
         ({'plant_order': 2.0}, 'plant_order'),
         ({'reference_derivatives': 'differentiator'}, 'tracking_acceleration'),
         ({'feedback_level': '7'}, 'feedback_level'),
+        ({'feedback_level': '0'}, 'feedback_level'),
     ),
 )
 def test_p13_what_does_not_fit_together_is_refused_by_name(
