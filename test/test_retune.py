@@ -373,3 +373,17 @@ def test_p13_another_sign_of_b0_is_refused_until_the_loop_is_open() -> None:
     controller.retune(turned)
     controller.tick(0.1, H)
     assert controller.settings.b0 == -1.0
+
+
+def test_p12_after_a_gap_a_change_is_measured_by_the_limit_that_acted() -> None:
+    """Old and new settings ask for more than the rate limit leaves one tick: no bump to hide."""
+    settings = ControllerSettings(plant_order=1, command_rate_limit=1.0)
+    controller = Controller(settings, checked=True)
+    for _ in range(20):
+        controller.tick(0.0, H, reference=[0.0])
+    for _ in range(9):
+        controller.tick(elapsed=H)
+    controller.retune(attrs.evolve(settings, controller_bandwidth=8.0))
+    command = controller.tick(0.0, 10.0 * H, elapsed=H, reference=[0.0125])
+    assert command == pytest.approx(1.0 * H)
+    assert controller.state.offset == [0.0, 0.0]

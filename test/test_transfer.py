@@ -9,7 +9,7 @@ from law_helpers import Chain, state_bits
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
-from nadrc_ros.adrc.status import Cause, Status
+from nadrc_ros.adrc.status import Cause, Mode, Status
 from nadrc_ros.adrc.transfer import restart_profile
 import pytest
 
@@ -103,6 +103,27 @@ def test_p07_the_hold_of_a_lost_reference_begins_without_a_bump() -> None:
         chain.advance(commands[-1], H)
     steps = [abs(b - a) for a, b in pairwise(commands[190:])]
     assert max(steps) < 1.0  # dropped at once, r' = 1 would be worth 2 wc = 8
+
+
+def test_p07_a_reference_that_returns_in_the_hold_is_approached_from_the_profile() -> None:
+    controller = Controller(
+        ControllerSettings(reference_timeout=0.1, hold_time=10.0, tracking_acceleration=2.0),
+        checked=True,
+    )
+    chain = Chain(2)
+
+    def run(ticks: int, reference: list[float] | None) -> None:
+        for _ in range(ticks):
+            chain.advance(controller.tick(chain.y, H, reference=reference), H)
+
+    run(60, [1.0])
+    run(20, None)
+    assert (Mode(controller.mode), controller.cause) == (Mode.HOLDING, Cause.REFERENCE_TIMEOUT)
+    reached = controller.tracking
+    chain.x[0] -= 0.3
+    run(5, [1.0])
+    assert Mode(controller.mode) == Mode.OK
+    assert reached < controller.tracking < reached + 0.1
 
 
 @pytest.mark.parametrize('order', (1, 2, 3))
