@@ -12,6 +12,8 @@ RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
 SITE = ['furo', 'myst-parser', 'sphinx']
 # The searches of `nadrc tune`: front, budget, swarm.
 TUNE = ['optuna>=5,<6', 'cmaes', 'pymoo']
+# The machines of examples/mujoco.
+MUJOCO = ['mujoco']
 # The article of `make paper`.
 PAPER = ['jinja2', 'latex2mathml']
 NODES = ('controller', 'plant', 'reference', 'recorder')
@@ -60,11 +62,17 @@ setup(
             'ros-jazzy-std-msgs==5.3.6',
             'ros-jazzy-std-srvs==5.3.6',
             'ros-jazzy-diagnostic-msgs==5.3.6',
+            # what signals are wired to most
+            'ros-jazzy-geometry-msgs==5.3.6',
+            'ros-jazzy-nav-msgs==5.3.6',
+            'ros-jazzy-sensor-msgs==5.3.6',
+            'ros-jazzy-trajectory-msgs==5.3.6',
         ],
         'speed': ['numba'],
         'sweep': ['dask[distributed]', 'pyarrow'],
         'bags': ['rosbags'],
         'report': ['plotly'],
+        'mujoco': MUJOCO,
         'tune': TUNE,
         'test': [
             'pytest',
@@ -77,6 +85,7 @@ setup(
             'rosbags',
             'plotly',
             *TUNE,
+            *MUJOCO,
             *PAPER,
         ],
         'bench': RIVALS,

@@ -18,17 +18,20 @@ ARROWS = {
     'adrc': set(),
     'simulation': {'adrc'},
     'theory': {'adrc'},
+    'wiring': {'adrc'},
     'scenario': {'adrc', 'simulation'},
-    'records': {'adrc', 'simulation', 'scenario'},
+    'records': {'adrc', 'simulation', 'scenario', 'wiring'},
     'report': {'adrc', 'simulation', 'scenario', 'records'},
     'tuning': {'adrc', 'simulation', 'scenario', 'records', 'report', 'theory'},
-    'ros': {'adrc', 'simulation', 'scenario'},
-    'nodes': {'adrc', 'simulation', 'scenario', 'records', 'ros'},
+    'ros': {'adrc', 'simulation', 'scenario', 'wiring'},
+    'nodes': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'wiring'},
     'demo': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'nodes'},
     'testing': {'adrc', 'simulation', 'scenario', 'records', 'report', 'ros', 'nodes', 'demo'},
-    'cli': {'adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo'},
+    'cli': {
+        *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo', 'wiring')
+    },
 }
-PURE = {'adrc', 'simulation'}
+PURE = {'adrc', 'simulation', 'wiring'}
 WITH_ROS = {'ros', 'nodes', 'demo', 'testing', 'cli'}
 IMPURE = {
     *('rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'diagnostic_msgs', 'ament_index_python'),

@@ -17,10 +17,11 @@ from nadrc_ros.cli.simulate import simulate
 from nadrc_ros.cli.summarise import summarise
 from nadrc_ros.cli.sweep import sweep
 from nadrc_ros.cli.tune import tune
+from nadrc_ros.cli.wire import fields, wire
 import typer
 from typer.core import TyperGroup
 
-COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise)
+COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise, fields, wire)
 
 
 class _Commands(TyperGroup):

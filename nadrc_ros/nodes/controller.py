@@ -32,8 +32,8 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import BAD_START, run
-from nadrc_ros.ros.stamps import SampleTimes
 from nadrc_ros.ros.topics import Info, reference_topics
+from nadrc_ros.ros.wiring import Wiring
 from std_srvs.srv import SetBool
 
 Reference = Sequence[float | None]
@@ -61,6 +61,7 @@ class ControllerNode(LiveNode):
         self._loop = self.declare(LoopSettings)
         if first is not None:
             refuse_unequal(first, self)
+        self._wiring: Wiring = Wiring(self, first and first._wiring)
         settings = ParameterGroup(
             self, declared(ControllerSettings), self._make_settings, self._retune
         ).value
@@ -71,18 +72,17 @@ class ControllerNode(LiveNode):
         references = reference_topics(settings)
         self._reference: list[float | None] = [None] * len(references)
         self._sample: tuple[float, Info, int] | None = None
-        self._overwritten = 0
-        self._idle = 0
+        self._overwritten = self._idle = 0
         self._stopping = False
         self._silent = self.controller.quiet
         self._silent_at_stop = False
         self.latencies = Latencies()
         self._mode_log = ModeLog(self.controller.mode, self.controller.cause)
         self.trace: TraceWriter | None = None
-        self._command = self.add_output('command')
-        self.add_input('measurement', self._on_measurement, silence=WARN, regular=True, sole=True)
+        self._command = self._wiring.add_output('command', settings.safe_command)
+        self._wiring.add_input('measurement', self._on_measurement, silence=WARN, regular=True)
         for i, topic in enumerate(references):
-            self.add_input(topic, partial(self._on_reference, i), silence=None, sole=True)
+            self._wiring.add_input(topic, partial(self._on_reference, i), silence=None)
         self._sample_ticker: SampleTicker | None = None
         if not in_lockstep:
             rate, by_timer = self.pacing.rate, self._loop.trigger == 'timer'
@@ -94,15 +94,13 @@ class ControllerNode(LiveNode):
             else:
                 self.ticker = self._sample_ticker = SampleTicker(self, self.timer, self.on_timer)
                 self._sample_ticker.notice_within(settings.measurement_timeout)
-            self._times = SampleTimes(
-                self.pacing.period, stamped=not self.get_parameter('use_sim_time').value
-            )
+            self._wiring.flush_after(self.timer)
+            self._times = self._wiring.sample_times(self.pacing.period)
             self._now = self.ticker.now
             self._ticked = self._now()
-            given = self._parameter_overrides
-            doubts = Doubts(self.controller, rate, given, self.remarks)
+            doubts = Doubts(self.controller, rate, self._parameter_overrides, self.remarks)
             self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
-            taken = OutputWatch(self, self._command.topic, self.remarks)
+            taken = OutputWatch(self, self._command, self.remarks)
             self.checks.append(lambda: taken.look(self.controller.mode == Mode.OK))
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.add_trigger('~/reset', self._reset)
@@ -139,6 +137,8 @@ class ControllerNode(LiveNode):
         self.controller.retune(settings)
         if self._sample_ticker is not None:
             self._sample_ticker.notice_within(settings.measurement_timeout)
+        if self._silent:
+            self._command.rest(settings.safe_command)
         if self.trace is not None:
             self.trace.settings(settings)
 
@@ -181,11 +181,13 @@ class ControllerNode(LiveNode):
     def _on_measurement(self, value: float, info: Info) -> None:
         if self._sample is not None:
             self._overwritten += not self._rivals.listening
-            self._times.saw(self._sample[1])
+            if not self._times.saw(self._sample[1], info):
+                return
         self._sample = value, info, self._now()
         if self._sample_ticker is not None:
             self.on_timer()
             self._sample_ticker.count(info['publication_sequence_number'])
+            self._wiring.exchange.flush()
 
     def _on_reference(self, index: int, value: float, _: Info) -> None:
         self._reference[index] = value
@@ -198,13 +200,15 @@ class ControllerNode(LiveNode):
             return
         if self._sample is None:
             self._idle += 1
+            self._wiring.answer(None, held=self.controller.mode == Mode.OK)
             self._take_sample(nan, 0.0, elapsed, self._take_reference())
             return
         (measurement, info, received), self._sample = self._sample, None
         dt = self._times.span(info, received)
+        self._wiring.answer(info)
         age = self._times.late + max(0.0, (now - received) * 1e-9)
         self._take_sample(measurement, dt, elapsed, self._take_reference(), age)
-        self.latencies.add(time.time() - info['source_timestamp'] * 1e-9)
+        self.latencies.add((self._times.wall() - info['source_timestamp']) * 1e-9)
 
     def _take_reference(self) -> Reference | None:
         """Return a reference that came since the last step, None for derivatives that did not."""
@@ -231,9 +235,7 @@ class ControllerNode(LiveNode):
         command = controller.tick(measurement, dt, elapsed=elapsed, age=age, reference=reference)
         silent = self._rivals.mute or (self._silent and controller.quiet)
         if not silent or self.lockstep is not None:
-            self._command.send(command)
-            if self._rivals.hearing:
-                self._rivals.sent(command)
+            self._command.send(command, self._wiring.stamp)
         sent_safe = command == controller.settings.safe_command
         self._silent = controller.quiet and (self._silent or sent_safe)
         self._steps += 1
@@ -298,6 +300,7 @@ class ControllerNode(LiveNode):
                 'measurements_out_of_order': self._times.out_of_order,
                 'measurement_publishers': self.count_publishers(self.inputs[0].topic),
                 **self.latencies.summary(),
+                **self._wiring.report(),
             }
         values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
         if self.trace is not None:
@@ -330,7 +333,7 @@ class ControllerNode(LiveNode):
             allowed = settings.command_rate_limit * self.pacing.period
             if message := cut_short(settings, self.controller.command, allowed):
                 self.get_logger().warning(message)
-            self._command.send_last(settings.safe_command)
+            self._command.send_last(settings.safe_command, self._wiring.now())
         if self.trace is not None:
             self.trace.close()
             self._tell_if_trace_failed()

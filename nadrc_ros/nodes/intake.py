@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
+import copy
 from functools import partial
 from math import nan
 import time
+from typing import Any
 
+import attrs
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.recording import NEEDED, STAMPED
 from nadrc_ros.records.rows import Row, Rows
 from nadrc_ros.ros.diagnostics import OK, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.stamps import Departures, Losses, Offset
-from nadrc_ros.ros.topics import Info, RECORD
+from nadrc_ros.ros.topics import Info, receive, RECORD
+from nadrc_ros.ros.wires import make_wire, Wire
+from nadrc_ros.ros.wiring import build_wiring, WiringSettings
+from nadrc_ros.wiring.address import Address
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Samples of all topics are there so long after the newest one left [ns], and without any new ones
 # after so long.
@@ -20,6 +30,8 @@ _SKEW, _SILENCE = 300_000_000, 600_000_000
 _SECOND = 1e9
 # A reference that nobody moves and estimates that a controller leaves out are no gap.
 _REGULAR = ('measurement', 'output', 'command')
+# What a controller is wired to is there after so many looks at the graph, as a rule.
+_PATIENCE = 20
 
 
 class Intake:
@@ -41,14 +53,56 @@ class Intake:
         self._offset = Offset()
         self._clock = self._stood = 0
         self.restart(0)
+        self.wiring, self._home = WiringSettings(), ''
+        self._topics = topics
+        self._wired: dict[str, Address | None] = dict.fromkeys(NEEDED)
         for name, topic in topics.items():
-            node.add_input(
-                topic,
+            node.add_input(topic, partial(self.take, name), qos=RECORD, **_watched(name))
+
+    def _skip(self, name: str, info: Info) -> None:
+        self.losses[name].before(info['publication_sequence_number'])
+
+    def follow(self, node: str, parameters: Mapping[str, Any]) -> None:
+        """Take the wiring of a controller for ours, from its parameters and its full name."""
+        with suppress(UserError):  # a node of that name that is none of ours
+            self.wiring, self._home = build_wiring(parameters), node
+            self.rewire()
+
+    def rewire(self) -> None:
+        """Listen to what the controller is wired to, as soon as that can be."""
+        complaint = ''
+        for name, before in self._wired.items():
+            address = self.wiring.address(name)
+            if address == before:
+                continue
+            try:
+                wire = self._wire(name, address) if address else None
+            except UserError as error:
+                complaint = f'{name} is not recorded: {error}'
+                continue
+            place = list(self._topics).index(name)
+            self._node.destroy_subscription(self._node.inputs[place].subscription)
+            self._node.inputs[place] = receive(
+                self._node,
+                self._topics[name],
                 partial(self.take, name),
-                qos=RECORD,
-                silence=WARN if name in NEEDED else OK,
-                regular=name == 'measurement',
+                _heard_by(self._node, wire.address.topic) if wire else RECORD,
+                **_watched(name),
+                fixed=wire is not None,
+                wire=wire,
+                absent=partial(self._skip, name),
             )
+            self._departures.pop(name, None)
+            self._wired[name] = address
+        self._node.remarks.put('wiring', complaint, looks=_PATIENCE)
+
+    def _wire(self, name: str, address: Address) -> Wire:
+        """Return the wire of a signal, on the topic that the controller means."""
+        topic = address.topic.replace('~', self._home, 1)
+        if not topic.startswith('/'):
+            topic = f'{self._home.rpartition("/")[0]}/{topic}'
+        address = attrs.evolve(address, topic=topic)
+        return make_wire(self._node, name, address, self.wiring.stamp, 0.0)
 
     def restart(self, begin: int) -> None:
         """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
@@ -143,3 +197,18 @@ class Intake:
         if name in STAMPED and info['source_timestamp']:
             stamp = (info['source_timestamp'] - self._begin) / _SECOND
         self._rows.take(name, moment, value, stamp, lost)
+
+
+def _watched(name: str) -> dict[str, Any]:
+    """Return how an input is looked after."""
+    silence = WARN if name in NEEDED else OK
+    return {'silence': silence, 'regular': name == 'measurement'}
+
+
+def _heard_by(node: Node, topic: str) -> QoSProfile:
+    """Return the best quality of service at which all publishers of a topic are heard."""
+    qos = copy.copy(RECORD)
+    for info in node.get_publishers_info_by_topic(topic):
+        if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+            qos.reliability = ReliabilityPolicy.BEST_EFFORT
+    return qos

@@ -119,7 +119,9 @@ class RecorderNode(LiveNode):
         topics = self.settings.topics()
         self._columns = ['time', *topics]
         self._senders = {name: Sender(self, f'~/{name}') for name in _METRICS}
-        self._watch = ParameterWatch(self, NEEDED, self._on_parameters)
+        # A controller may be wired to other topics than these, but has its events.
+        told = f'{self.settings.controller}/event'
+        self._watch = ParameterWatch(self, (*NEEDED, told), self._on_parameters)
         for source in (self.settings.controller, self.settings.plant):
             receive_events(self, source, self._on_event)
         self.intake = Intake(self, topics, self.settings.duration or inf)
@@ -197,6 +199,10 @@ class RecorderNode(LiveNode):
     # ---- what happens besides ----
 
     def _on_parameters(self, node: str, values: dict[str, Any], info: Info | None) -> None:
+        ours = self.resolve_topic_name(self.settings.controller)
+        if node == ours:
+            self.intake.follow(node, self._watch.known[node])
+
         def write(t: float | None) -> None:
             append_parameters(self.folder.path, t, node, values)
             # not all, as somebody may retune without end
@@ -245,6 +251,7 @@ class RecorderNode(LiveNode):
 
     def _on_flush(self) -> None:
         self._watch.look()
+        self.intake.rewire()
         if self.recording:
             self._guarded(self.flush)
         values = self.figures.values()

@@ -40,15 +40,13 @@ class Rivals:
         Whether it is too early for the first command.
     gave_way
         Whether nothing may be sent until somebody enables us.
-    hearing
-        Whether own commands have to be told to :meth:`sent`.
 
     """
 
     def __init__(self, node: LiveNode, sender: Sender, *, shared: bool) -> None:
         self.listening = not shared
         self.gave_way = False
-        self.hearing = False
+        self._hearing = False
         self._node = node
         self._sender = sender
         self._remarks = node.remarks
@@ -59,15 +57,11 @@ class Rivals:
         self._longest = max(LONGEST, _LONGEST_PERIODS * period)
         self._began = time.monotonic()
         self._input: Input | None = None
-        self._own: deque[tuple[int | None, float]] = deque(maxlen=_OWN)
+        self._own: deque[tuple[int, float]] = deque(maxlen=_OWN)
         self._last, self._interval = -inf, inf
         self._theirs: float = inf
         if not shared:
             self._hear(True)
-
-    def sent(self, value: float) -> None:
-        """Note a command of our own."""
-        self._own.append((self._sender.count, value))
 
     def look(self, idle: bool) -> bool:
         """
@@ -115,8 +109,7 @@ class Rivals:
 
     def missed(self) -> str:
         """Return who commands and would have had to be disabled by the same request, if any."""
-        own = self._node.get_fully_qualified_name()
-        if not self.commanding or own not in self._others():
+        if not self.commanding or self._node.get_fully_qualified_name() not in self._others():
             return ''
         return f'{self._who()} commands on {self._sender.topic}: ask again, or end one of the two'
 
@@ -126,16 +119,21 @@ class Rivals:
         self._remarks.put('gave way', '')
 
     def _hear(self, wanted: bool) -> None:
-        if wanted == self.hearing:
+        if wanted == self._hearing:
             return
-        self.hearing = wanted
+        self._hearing = wanted
+        self._sender.told = self._note_own if wanted else None
         if wanted:
-            self._input = receive(self._node, 'command', self._take, _HEAR, fixed=True)
+            wire = self._sender.wire
+            self._input = receive(self._node, 'command', self._take, _HEAR, fixed=True, wire=wire)
         elif self._input is not None:
             self._node.destroy_subscription(self._input.subscription)
 
+    def _note_own(self, number: int, value: float) -> None:
+        self._own.append((number, value))
+
     def _take(self, value: float, info: Info) -> None:
-        if not self.hearing:  # the executor still had that one
+        if not self._hearing:  # the executor still had that one
             return
         number = info['publication_sequence_number']
         if number is None:  # this middleware does not number
@@ -148,12 +146,12 @@ class Rivals:
             self._theirs = inf if number is None else number
 
     def _who(self) -> str:
-        own = self._node.get_fully_qualified_name()
+        own = self._sender.owner
         names = ['another node called ' + own if name == own else name for name in self._others()]
         return ' or '.join(names) or 'somebody unknown'
 
     def _others(self) -> list[str]:
-        own = self._node.get_fully_qualified_name()
+        own = self._sender.owner
         names = publishers(self._node, self._sender.topic)
         if own in names:
             names.remove(own)

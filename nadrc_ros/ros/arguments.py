@@ -181,7 +181,7 @@ def refuse_malformed(arguments: Sequence[str]) -> None:
     :class:`UserError` names the file, and the line where there is one.
     """
     for file in _files(arguments):
-        _node_keys(file)
+        parameters_in(file)
 
 
 def refuse_unheard(
@@ -219,7 +219,7 @@ def refuse_unheard(
     others = _OURS - {name, executable}
     found: list[str] = []
     for file in _files(arguments):
-        keys = _node_keys(file)
+        keys = list(parameters_in(file))
         meaning_us = [key for key in keys if any(_means(key, each) for each in here)]
         found += keys
         if any(_last(key) not in _WILDCARDS for key in meaning_us):
@@ -246,8 +246,16 @@ def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
     )
 
 
-def _node_keys(file: str) -> list[str]:
-    """Return the nodes or patterns of a parameter file with their namespaces."""
+def parameters_in(file: str) -> dict[str, dict[str, Any]]:
+    """
+    Return the parameters of each node or pattern in a file, by their dotted names.
+
+    Raises
+    ------
+    UserError
+        What is wrong with the file.
+
+    """
     from nadrc_ros.yaml_text import alias_line, read_yaml
 
     try:
@@ -255,10 +263,10 @@ def _node_keys(file: str) -> list[str]:
         tree = read_yaml(text)
         if tree is None or tree == {}:
             raise UserError('there are no parameters in it, it is empty')
-        keys = list(_keys(tree))
+        nodes = {key: dict(_flat(values)) for key, values in _nodes(tree)}
         if (line := alias_line(text)) is not None:
             raise UserError(f'line {line}: ROS knows no aliases (*name): write out what is meant')
-        return keys
+        return nodes
     except OSError as error:
         raise UserError(f'{file}: cannot be read: {error.strerror}') from None
     except UnicodeDecodeError as error:
@@ -267,16 +275,16 @@ def _node_keys(file: str) -> list[str]:
         raise UserError(f'{file}: {error}') from None
 
 
-def _keys(tree: Any, namespace: str = '') -> Iterator[str]:
+def _nodes(tree: Any, namespace: str = '') -> Iterator[tuple[str, Mapping[Any, Any]]]:
     if not isinstance(tree, dict):
         where = namespace or 'the file'
         raise UserError(f'{where} has a value that is not below the key {_VALUES} of a node')
     for key, value in tree.items():
         if key != _VALUES:
-            yield from _keys(value, f'{namespace}/{str(key).strip("/")}')
+            yield from _nodes(value, f'{namespace}/{str(key).strip("/")}')
         elif isinstance(value, dict):
             _refuse_odd_lists(value)
-            yield namespace
+            yield namespace, value
         else:
             raise UserError(f'{_VALUES} of {namespace} must be a mapping of names to values')
 

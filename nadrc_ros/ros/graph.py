@@ -10,7 +10,7 @@ import time
 import attrs
 from nadrc_ros.adrc.errors import near_to
 from nadrc_ros.ros.diagnostics import ERROR, OK, Remarks, WARN
-from nadrc_ros.ros.topics import FLOAT64, Input
+from nadrc_ros.ros.topics import Input, Sender
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -148,7 +148,8 @@ class InputWatch:
         self._remarks = remarks
         self._grace = max(GRACE, _PERIODS * period)
         self._now = now
-        self._silences = {each.topic: _Silence(now()) for each in inputs}
+        self._began = now()
+        self._silences: dict[Input, _Silence] = {}
 
     def look(self) -> None:
         """Look at all inputs; to be called about once per second."""
@@ -156,7 +157,7 @@ class InputWatch:
         held: dict[str, list[str]] = defaultdict(list)
         fed, now = [], self._now()
         for each in self._inputs:
-            silence = self._silences[each.topic]
+            silence = self._silences.setdefault(each, _Silence(self._began))
             if each.sole:
                 self._tell_several(each.topic)
             if each.count != silence.count:
@@ -198,13 +199,15 @@ class InputWatch:
         silence.searched = -inf
         names = ', '.join(sorted({node_of(info) for info in there}))
         types = sorted({info.topic_type for info in there})
-        if FLOAT64 not in types:
-            return f'{names} publishes it as {", ".join(types)}, and {FLOAT64} is needed', WARN
+        if each.type not in types:
+            return f'{names} publishes it as {", ".join(types)}, and {each.type} is needed', WARN
         unheard = [info for info in there if not _fits(info.qos_profile, each.qos)]
         if unheard:
             names = ', '.join(sorted({node_of(info) for info in unheard}))
             remedy = f'-p qos_overrides.{each.topic}.subscription.reliability:=best_effort'
             return f'{names} publishes it as best effort, heard only with {remedy}', WARN
+        if each.absent:
+            return each.absent, WARN
         return f'{names} publishes it, and sends nothing', each.silence
 
     def _like(self, each: Input, silence: _Silence) -> str:
@@ -225,7 +228,7 @@ class InputWatch:
         there = node.get_node_names_and_namespaces()
         homes = {space.rstrip('/') for name, space in there if name == node.get_name()}
         sent = node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())
-        own = {name for name, _ in sent} | set(self._silences)
+        own = {name for name, _ in sent} | {each.topic for each in self._inputs}
 
         def is_free(name: str) -> bool:
             around = [space for space in homes if name.startswith(space + '/')]
@@ -243,9 +246,9 @@ class InputWatch:
 class OutputWatch:
     """Warns while a node acts and nobody subscribes to what it sends; says who may be meant to."""
 
-    def __init__(self, node: Node, topic: str, remarks: Remarks) -> None:
+    def __init__(self, node: Node, sender: Sender, remarks: Remarks) -> None:
         self._node = node
-        self._topic = topic
+        self._topic, self._type = sender.topic, sender.type
         self._remarks = remarks
         self._untaken = 0
         self._like = ''
@@ -265,7 +268,7 @@ class OutputWatch:
         free = [
             name
             for name, types in node.get_topic_names_and_types()
-            if FLOAT64 in types and not node.count_publishers(name) and readers(node, name)
+            if self._type in types and not node.count_publishers(name) and readers(node, name)
         ]
         if name := meant(self._topic, free):
             names = ', '.join(readers(node, name))

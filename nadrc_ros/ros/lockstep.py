@@ -35,12 +35,12 @@ class LockstepSender(Sender):
         self._node = node
         self._timeout = timeout
 
-    def send(self, value: float) -> None:
+    def send(self, value: float, stamp: int = 0) -> None:
         """Publish ``value``; a node that is told to stop tries once, for its last command."""
         end = time.monotonic() + self._timeout
         while True:
             try:
-                super().send(value)
+                super().send(value, stamp)
                 return
             except _PublishError as error:
                 if self._node.told_to_stop:

@@ -60,6 +60,8 @@ class LiveNode(Node):
     default_name: ClassVar[str]
     # Namespaces of the nodes that share the command line with this one and are made in turn.
     axes: Sequence[str] = ()
+    # Of all nodes of the process, those that are still being made included.
+    told_to_stop: ClassVar[bool] = False
     # Where there is a timer; in lockstep there is none.
     ticker: Ticker | None = None
 
@@ -79,7 +81,7 @@ class LiveNode(Node):
             cli_args=own_rules(namespace, node_name, remappings or {}),
             parameter_overrides=overrides(parameters or {}),
         )
-        self.finished = self.told_to_stop = False
+        self.finished = False
         self.failure = ''
         self.scheduling = 'not asked for'
         self.inputs: list[Input] = []

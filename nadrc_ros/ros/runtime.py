@@ -206,8 +206,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
 
     def on_signal(number: int, _: object) -> None:
         signals.append(number)
-        for node in nodes:
-            node.told_to_stop = True
+        LiveNode.told_to_stop = True
 
     for number in stop_signals():
         signal.signal(number, on_signal)
@@ -220,7 +219,7 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
     except BAD_START as error:
         print(f'cannot start: {error}', file=sys.stderr)
         rclpy.try_shutdown()
-        return 1
+        return 0 if signals else 1
     executor = make_executor()
     for node in nodes:
         executor.add_node(node)

@@ -11,6 +11,8 @@ from nadrc_ros.ros.topics import Info
 _FUTURE = 1_000_000
 # A source stamp this far back is a jump of its clock, or a publisher on another machine.
 _JUMP = 100_000_000
+# In slow loops that is so many periods, where stamps are of headers: those of late samples.
+_OVERTAKEN = 10
 # So is a sample that took less time than it can, by this or by some periods.
 _EARLY, _EARLY_PERIODS = 10_000_000, 5
 # The clocks of two machines drift apart by no more than that, but when one is being corrected.
@@ -47,9 +49,14 @@ class SampleTimes:
         False where source stamps and the node's clock run apart, as in simulated time.
     wall
         The clock of stamps on this machine [ns].
+    numbered
+        False where stamps, and not publication numbers, tell which sample is newer: those of
+        headers, which several publishers may send.
 
     Attributes
     ----------
+    wall
+        The clock of stamps.
     late
         How much later than the one before the last sample came [s]: its age, after a stall.
     spacing
@@ -58,8 +65,13 @@ class SampleTimes:
     """
 
     def __init__(
-        self, period: float, stamped: bool = True, wall: Callable[[], int] = time.time_ns
+        self,
+        period: float,
+        stamped: bool = True,
+        wall: Callable[[], int] = time.time_ns,
+        numbered: bool = True,
     ) -> None:
+        self.wall = wall
         self.from_future = 0
         self.clock_jumps = 0
         self.out_of_order = 0
@@ -70,13 +82,19 @@ class SampleTimes:
         self._least_delay = self._bound = self._bound_until = self._learnt = 0
         self._period = period
         self._stamped = stamped
-        self._wall = wall
+        self._numbered = numbered
+        # So far back a sample is not one that was overtaken [ns].
+        self._jump = _JUMP if numbered else max(_JUMP, int(_OVERTAKEN * period * 1e9))
         self._seen: int | None = None
         self._last: tuple[int, int, int | None] | None = None
 
-    def saw(self, info: Info) -> None:
-        """Note a sample that came and is not used, as a newer one was there."""
-        self._seen = info['publication_sequence_number']
+    def saw(self, info: Info, next_info: Info) -> bool:
+        """Note a sample that was not used before the next came; tell whether that is newer."""
+        self._seen = self._number(info)
+        if self._numbered or next_info['source_timestamp'] > info['source_timestamp']:
+            return True
+        self.out_of_order += 1
+        return False
 
     def span(self, info: Info, now: int) -> float:
         """
@@ -87,7 +105,7 @@ class SampleTimes:
         self.late = 0.0
         received = info['received_timestamp']
         stamp = info['source_timestamp']
-        number = info['publication_sequence_number']
+        number = self._number(info)
         if stamp > received + _FUTURE:
             self.from_future += 1
             stamp = received
@@ -103,7 +121,7 @@ class SampleTimes:
             self.out_of_order += 1
         # Set back: the stamp is older and the number newer. A stamp alone does not tell that from
         # a sample that was overtaken, and a number alone not from a publisher that was restarted.
-        goes_on = _follows(number, seen, self._last[2], source < -_JUMP)
+        goes_on = _follows(number, seen, self._last[2], source < -self._jump)
         backward = source <= 0 if self._stamped else source < 0
         # Set forward: it came sooner after its stamp than any sample can. How much later it came
         # than the one before tells nothing, as a stall makes one late and the next less so: the
@@ -119,6 +137,7 @@ class SampleTimes:
             source = max(0, receipt)
             self._learn_delay(stamp, now)
         elif source <= 0:
+            self.out_of_order += not self._numbered
             return float(source) * 1e-9
         self._least_delay = min(self._least_delay + min(drift, self._early // 2), now - stamp)
         self._learnt += 1
@@ -127,10 +146,14 @@ class SampleTimes:
         self.spacing = source * 1e-9
         return float(source) * 1e-9
 
+    def _number(self, info: Info) -> int | None:
+        number: int | None = info['publication_sequence_number'] if self._numbered else None
+        return number
+
     def _learn_delay(self, stamp: int, now: int) -> None:
         """Begin with the delay of a sample that may be late already."""
         self._least_delay = now - stamp
-        self._bound = now - max(stamp, self._wall())
+        self._bound = now - max(stamp, self.wall())
         self._bound_until = now + max(_LEARN, self._early)
         self._learnt = 0
 

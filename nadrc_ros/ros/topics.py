@@ -1,4 +1,4 @@
-"""Float64 topics: quality of service, receiving with the message info, sending."""
+"""Topics of numbers: quality of service, receiving with the message info, sending."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import attrs
 from diagnostic_msgs.msg import DiagnosticStatus
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.ros.wires import FLOAT64, Wire
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -31,6 +32,9 @@ from std_msgs.msg import Float64
 REFERENCE_TOPICS = ('reference', 'reference/rate', 'reference/acceleration')
 Info = dict[str, Any]
 Receive = Callable[[float, Info], None]
+Take = Callable[[bytes, Info], None]
+# Has a callback called with the messages of an input, which the last argument subscribes to.
+Join = Callable[['Input', Take, Callable[[Take], Any]], Any]
 
 SEND = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 # Connects to every publisher, and never waits for an old sample.
@@ -44,7 +48,6 @@ LOCKSTEP_SEND = QoSProfile(
 LOCKSTEP_RECEIVE = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE
 )
-FLOAT64 = 'std_msgs/msg/Float64'
 # The node itself says what does not fit, and destroying an input is safe without events.
 _SILENT = SubscriptionEventCallbacks(use_default_callbacks=False)
 # A Float64 as it travels: to make and take messages of Python doubles the time of both.
@@ -61,35 +64,66 @@ class Input:
     silence: bytes | None  # level of what is said of it, None for nothing but a mistake
     regular: bool  # whether samples have to go on coming after the first one
     sole: bool  # whether there should be one publisher only
+    type: str = FLOAT64
     count: int = 0
+    absent: str = ''  # what the last message did not have that came without the number
+    absences: int = 0  # how many came so
     subscription: Any = None
 
 
 class Sender:
-    """A publisher of numbers, and how many it has published."""
+    """
+    A publisher of numbers.
 
-    def __init__(self, node: Node, topic: str, qos: QoSProfile = SEND) -> None:
+    Attributes
+    ----------
+    topic, type
+        Full name of the topic, and type of its messages.
+    owner
+        Full name of the node that has the publisher.
+    count
+        How many messages were published.
+    told
+        Called with the number of a message and the number in it, if it is not None.
+    wire
+        Where in messages the number is, None for a Float64.
+
+    """
+
+    type = FLOAT64
+    wire: Wire | None = None
+
+    def __init__(
+        self, node: Node, topic: str, qos: QoSProfile = SEND, kind: Any = Float64
+    ) -> None:
         qos = copy.copy(qos)  # rclpy writes overrides into it
         self.publisher: Publisher = node.create_publisher(
-            Float64, topic, qos, qos_overriding_options=_overridable(node, topic, qos, 'publisher')
+            kind, topic, qos, qos_overriding_options=_overridable(node, topic, qos, 'publisher')
         )
         self.topic: str = self.publisher.topic_name
+        self.owner: str = node.get_fully_qualified_name()
         self.count = 0
+        self.told: Callable[[int, float], None] | None = None
 
     @property
     def has_readers(self) -> bool:
         """Tell whether anybody subscribes."""
         return bool(self.publisher.get_subscription_count())
 
-    def send(self, value: float) -> None:
-        """Publish ``value``."""
+    def send(self, value: float, stamp: int = 0) -> None:
+        """Publish ``value``, in answer to a sample of the time ``stamp`` [ns] where that fits."""
         self.count += 1
         self.publisher.publish(_LITTLE.pack(_HEADER, value))
+        if self.told is not None:
+            self.told(self.count, value)
 
-    def send_last(self, value: float) -> None:
+    def rest(self, value: float) -> None:
+        """Note what this sender would send if it were not silent, for messages of others."""
+
+    def send_last(self, value: float, stamp: int = 0) -> None:
         """Publish ``value``; nothing is raised at shutdown."""
         with suppress(RuntimeError):  # the context is gone: nobody is left to tell
-            self.send(value)
+            self.send(value, stamp)
 
     def await_delivery(self, seconds: float) -> None:
         """Wait, but not for longer, until every reliable reader has what was sent."""
@@ -107,28 +141,81 @@ def receive(
     regular: bool = False,
     sole: bool = False,
     fixed: bool = False,
+    wire: Wire | None = None,
+    absent: Callable[[Info], None] = lambda info: None,
+    join: Join | None = None,
 ) -> Input:
-    """Subscribe ``callback(value, info)`` to a topic; if ``fixed``, YAML cannot change its QoS."""
+    """
+    Subscribe ``callback(value, info)`` to a topic.
+
+    Parameters
+    ----------
+    node, topic, qos
+        Of the subscription.
+    callback
+        Called with each sample; a message that has none is counted.
+    silence, regular, sole
+        See :class:`Input`.
+    fixed
+        Whether YAML cannot change the quality of service.
+    wire
+        Where the number is instead, in messages of which type on which topic.
+    absent
+        Called with a message that does not have it.
+    join
+        Subscribes instead of the node, and may be subscribed already.
+
+    """
     qos = copy.copy(qos)  # rclpy writes overrides into it
+    kind = Float64
+    if wire is not None:
+        topic, kind = wire.address.topic, wire.kind
     heard = Input(
-        topic=node.resolve_topic_name(topic), qos=qos, silence=silence, regular=regular, sole=sole
+        topic=node.resolve_topic_name(topic),
+        qos=qos,
+        silence=silence,
+        regular=regular,
+        sole=sole and not (wire and wire.keyed),
+        type=wire.type if wire else FLOAT64,
     )
 
-    @with_info
     def call(data: bytes, info: Info) -> None:
         heard.count += 1
         callback(_number(data), info)
 
-    heard.subscription = node.create_subscription(
-        Float64,
-        topic,
-        call,
-        qos,
-        event_callbacks=_SILENT,
-        qos_overriding_options=(None if fixed else _overridable(node, topic, qos, 'subscription')),
-        raw=True,
-    )
+    take = _taker(heard, wire, callback, absent) if wire else call
+
+    def subscribe(call: Take) -> Any:
+        return node.create_subscription(
+            kind,
+            topic,
+            with_info(call),
+            qos,
+            event_callbacks=_SILENT,
+            qos_overriding_options=(
+                None if fixed else _overridable(node, topic, qos, 'subscription')
+            ),
+            raw=True,
+        )
+
+    heard.subscription = subscribe(take) if join is None else join(heard, take, subscribe)
     return heard
+
+
+def _taker(heard: Input, wire: Wire, callback: Receive, absent: Callable[[Info], None]) -> Take:
+    read, timed, reader = wire.reader.read, wire.timed, wire.reader
+
+    def take(data: bytes, info: Info) -> None:
+        value = read(data)
+        if value is None:
+            heard.absences += 1
+            heard.absent = str(reader.absent)
+            absent(info)
+            return
+        heard.count += 1
+        callback(value, timed(data, info))
+
+    return take
 
 
 def with_info(callback: Callable[[Any, Info], None]) -> Callable[..., None]:

@@ -235,11 +235,11 @@ def test_simulated_time_counts_receipts_and_a_step_back_costs_one_sample() -> No
 def test_p09_a_restarted_publisher_that_is_twice_as_fast_as_the_controller_is_followed() -> None:
     line = Line()
     for number in range(2, 101, 2):
-        line.times.saw({'publication_sequence_number': number - 1})
+        line.times.saw({'publication_sequence_number': number - 1}, {})
         line.span(number, 2.5 * number)
     spans = []
     for number in range(2, 21, 2):  # numbers and clock begin anew
-        line.times.saw({'publication_sequence_number': number - 1})
+        line.times.saw({'publication_sequence_number': number - 1}, {})
         spans.append(line.span(number, 2.5 * number - 1e6, now=300.0 + 2.5 * number))
     assert spans[1:] == [pytest.approx(5.0)] * 9
 

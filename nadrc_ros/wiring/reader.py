@@ -1,0 +1,331 @@
+"""
+Reading one number out of serialised messages, without making a message of them.
+
+The way to the number is walked once, and what it depended on is kept: lengths, and the names among
+which one was looked up. A message in which these are the same has its number at the same place, so
+that most messages cost two reads; any other is walked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import asin, atan2, copysign, hypot, nan, pi
+from struct import Struct
+from typing import NamedTuple
+
+from nadrc_ros.adrc.errors import did_you_mean
+from nadrc_ros.wiring.address import Address, AddressError, Step
+from nadrc_ros.wiring.layout import (
+    Array,
+    HEADER,
+    layout_of,
+    Malformed,
+    MembersOf,
+    Message,
+    Number,
+    Type,
+    Unsupported,
+    Walk,
+)
+
+# How far the norm of a quaternion may be from 1.
+ROTATION = 0.9, 1.1
+# Byte 1 of the encapsulation header: plain CDR, big and little endian.
+ORDERS = {0: '>', 1: '<'}
+_STAMP = {'>': Struct('>iI'), '<': Struct('<iI')}
+
+
+def _roll(x: float, y: float, z: float, w: float) -> float:
+    return _upper(atan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z))
+
+
+def _pitch(x: float, y: float, z: float, w: float) -> float:
+    sine = 2.0 * (w * y - z * x) / (w * w + x * x + y * y + z * z)
+    return asin(sine) if abs(sine) < 1.0 else copysign(0.5 * pi, sine)
+
+
+def _yaw(x: float, y: float, z: float, w: float) -> float:
+    return _upper(atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))
+
+
+def _upper(angle: float) -> float:
+    return pi if angle == -pi else angle
+
+
+# Pseudo-fields: of a quaternion its angles (roll about x, then pitch about y, then yaw about z,
+# all about fixed axes, REP 103), of a vector its length.
+ANGLES: dict[str, Callable[..., float]] = {'roll': _roll, 'pitch': _pitch, 'yaw': _yaw}
+QUATERNION = ['x', 'y', 'z', 'w']
+
+
+class Absent(NamedTuple):
+    """No element of that name is in a message."""
+
+    wanted: str
+    there: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f'{self.wanted} is not among {", ".join(self.there) or "none"}'
+
+
+class Reader:
+    """
+    Reads the number at an address out of messages of one type.
+
+    Parameters
+    ----------
+    address
+        Where it is.
+    message_type
+        Of the messages, ``package/msg/Name``.
+    members_of
+        What tells the members of types.
+
+    Attributes
+    ----------
+    absent
+        What the last message did not have, None if it had the number.
+    layout
+        Of the messages.
+    has_header
+        Whether the messages begin with a stamped header.
+
+    Raises
+    ------
+    AddressError
+        When there is no number at the address: it says what there is.
+
+    """
+
+    def __init__(self, address: Address, message_type: str, members_of: MembersOf) -> None:
+        self.address = address
+        try:
+            self.layout = layout_of(message_type, members_of)
+        except LookupError:
+            raise AddressError(address, f'the message type {message_type} is not known') from None
+        except Unsupported as error:
+            raise AddressError(address, f'{message_type} contains {error}') from None
+        self._factor, self._offset = address.factor, address.offset
+        # A number that is not scaled stays what it is: -0.0 + 0.0 is 0.0.
+        self._scaled = (address.factor, address.offset) != (1.0, 0.0)
+        self._path, self._leaf, self._of = _resolve(address, self.layout)
+        first = next(iter(self.layout.members.items()), ('', None))
+        self.has_header = (
+            first[0] == 'header'
+            and isinstance(first[1], Message)
+            and first[1].name == 'std_msgs/Header'
+        )
+        self.absent: Absent | None = None
+        self._size = 2**62
+        self._known = Struct('')
+        self._expected: tuple[object, ...] = (None,)
+        self._number = Struct('')
+        self._at = 0
+
+    def read(self, data: bytes) -> float | None:
+        """
+        Return the number in a message; nan where it is damaged, None where it is not there.
+
+        Nothing is raised: see :attr:`absent` for what was missing.
+        """
+        if len(data) < self._size or self._known.unpack_from(data) != self._expected:
+            self.absent = None
+            try:
+                self._locate(data)
+            except Malformed:
+                self._forget()
+                return nan
+            if self.absent is not None:
+                self._forget()
+                return None
+        values = self._number.unpack_from(data, self._at)
+        value = float(values[0]) if self._of is None else self._of(*values)
+        return self._factor * value + self._offset if self._scaled else value
+
+    def place(self, data: bytes) -> tuple[int, Struct]:
+        """
+        Return where in a message the number is, and how it is packed.
+
+        Raises
+        ------
+        AddressError
+            When this message has no such number, or the address is of a computed one.
+
+        """
+        self._forget()
+        if self.read(data) is None:
+            raise AddressError(self.address, str(self.absent))
+        if self._of is not None:
+            raise AddressError(self.address, 'that is computed, and cannot be written')
+        if self._size == 2**62:
+            raise AddressError(self.address, 'there is no such element')
+        return self._at, self._number
+
+    def stamp(self, data: bytes) -> int | None:
+        """Return the time in the header [ns], None where there is none or it is not set."""
+        if not self.has_header or len(data) < HEADER + 8 or data[1] not in ORDERS:
+            return None
+        seconds, nanoseconds = _STAMP[ORDERS[data[1]]].unpack_from(data, HEADER)
+        return (seconds * 1_000_000_000 + nanoseconds) or None
+
+    def _forget(self) -> None:
+        self._size = 2**62
+
+    def _locate(self, data: bytes) -> None:
+        """Find where the number is, and keep what that depends on."""
+        if len(data) < HEADER or data[0] != 0 or data[1] not in ORDERS:
+            raise Malformed
+        order = ORDERS[data[1]]
+        walk = Walk(data, order)
+        kind: Type = self.layout
+        for step in self._path:
+            assert isinstance(kind, Message)
+            if not self._descend(walk, kind, step):
+                return
+            kind = kind.members[step.member]
+            if isinstance(kind, Array):
+                kind = kind.element
+        code, count = self._leaf
+        self._number = Struct(f'{order}{count}{code}')
+        self._at = HEADER + walk.to(self._number.size // count, count)
+        self._keep(walk)
+
+    def _descend(self, walk: Walk, message: Message, step: Step) -> bool:
+        """Go to the member that a step names; False if there is no element of that name."""
+        names: list[str] | None = None
+        for member, kind in message.members.items():
+            if member == step.member:
+                break
+            if member == step.key:
+                assert isinstance(kind, Array)
+                names = walk.strings(walk.count(kind))
+            else:
+                walk.over(kind)
+        if not isinstance(kind, Array):
+            return True
+        count, begin = walk.count(kind), walk.at
+        index = step.index
+        if step.key:
+            if names is None:
+                names = self._names_behind(walk, message, step, kind, count)
+                walk.at = begin
+            if step.value not in names:
+                self.absent = Absent(step.value, tuple(names))
+                return False
+            index = names.index(step.value)
+        assert index is not None
+        if index < 0:
+            index += count
+        if not 0 <= index < count:
+            raise Malformed
+        walk.over_elements(kind.element, index)
+        return True
+
+    def _names_behind(
+        self, walk: Walk, message: Message, step: Step, kind: Array, count: int
+    ) -> list[str]:
+        """Return the names in an array that comes after the one in question."""
+        walk.over_elements(kind.element, count)
+        members = iter(message.members.items())
+        for member, _ in members:
+            if member == step.member:
+                break
+        for member, behind in members:
+            if member == step.key:
+                assert isinstance(behind, Array)
+                return walk.strings(walk.count(behind))
+            walk.over(behind)
+        raise Malformed
+
+    def _keep(self, walk: Walk) -> None:
+        """Let a later message be compared with this one in one read."""
+        form, at, expected = walk.order + 'xB', 2, [walk.data[1]]
+        for begin, code, value in sorted(set(walk.shape)):
+            form += f'{HEADER + begin - at}x{code}'
+            at = HEADER + begin + Struct(code).size
+            expected.append(value)  # type: ignore[arg-type]
+        self._known, self._expected = Struct(form), tuple(expected)
+        self._size = max(self._known.size, self._at + self._number.size)
+
+
+def _resolve(
+    address: Address, layout: Message
+) -> tuple[tuple[Step, ...], tuple[str, int], Callable[..., float] | None]:
+    """Return the way to a number, its code and count, and what makes one number of several."""
+    kind: Type = layout
+    path = list(address.path)
+    for i, step in enumerate(address.path):
+        if not isinstance(kind, Message):
+            raise AddressError(address, f'{_written(path[:i])} is a number and has no members')
+        if step.member not in kind.members:
+            last = i == len(path) - 1
+            pseudo = computed_fields(kind)
+            if last and step.member in pseudo and not step.indexed:
+                return tuple(path[:i]), *pseudo[step.member]
+            raise AddressError(
+                address,
+                f'{kind.name} has no {step.member}: '
+                + did_you_mean(step.member, [*kind.members, *pseudo]),
+            )
+        kind = _element(address, kind, step, _written(path[: i + 1]))
+    if isinstance(kind, Number):
+        return tuple(path), (kind.code, 1), None
+    if isinstance(kind, Message):
+        inside = [f'{address.field}.{name}' for name in (*kind.members, *computed_fields(kind))]
+        raise AddressError(address, f'that is a whole {kind.name}; name one of {_list(inside)}')
+    raise AddressError(address, f'{address.field} is a string, and a signal is a number')
+
+
+def _element(address: Address, message: Message, step: Step, written: str) -> Type:
+    """Return the type of what a step leads to."""
+    kind = message.members[step.member]
+    if not isinstance(kind, Array):
+        if step.indexed:
+            raise AddressError(address, f'{step.member} is no array')
+        return kind
+    if not step.indexed:
+        choices = [f'[{name}=...]' for name in message.keys if name != step.member]
+        raise AddressError(
+            address,
+            f'{written} is an array; say which element: {_list([*choices, "[0]", "[-1]"])}',
+        )
+    if step.key and step.key not in message.keys:
+        raise AddressError(
+            address,
+            f'{message.name} has no array of strings called {step.key}: '
+            + did_you_mean(step.key, message.keys),
+        )
+    fixed = kind.count
+    if step.index is not None and fixed is not None and not -fixed <= step.index < fixed:
+        raise AddressError(address, f'{step.member} has {fixed} elements')
+    return kind.element
+
+
+def computed_fields(message: Message) -> dict[str, tuple[tuple[str, int], Callable[..., float]]]:
+    """Return what can be computed of a message: code and count of its numbers, and how."""
+    codes = {kind.code if isinstance(kind, Number) else '' for kind in message.members.values()}
+    if len(codes) != 1 or not codes <= {'f', 'd'}:
+        return {}
+    leaf = (codes.pop(), len(message.members))
+    if list(message.members) == QUATERNION:
+        return {name: (leaf, _checked(angle)) for name, angle in ANGLES.items()}
+    if set(message.members) <= {'x', 'y', 'z'}:
+        return {'norm': (leaf, hypot)}
+    return {}
+
+
+def _checked(angle: Callable[..., float]) -> Callable[..., float]:
+    """Return an angle of rotations alone: nan for a quaternion that is none."""
+
+    def of(*parts: float) -> float:
+        return angle(*parts) if ROTATION[0] <= hypot(*parts) <= ROTATION[1] else nan
+
+    return of
+
+
+def _written(path: list[Step]) -> str:
+    return '.'.join(map(str, path))
+
+
+def _list(names: list[str]) -> str:
+    return ', '.join(names)

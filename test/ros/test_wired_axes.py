@@ -1,0 +1,108 @@
+"""Axes of one process in messages that they share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import build
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.nodes.controller import Axis, ControllerNode
+from probe import Probe
+import pytest
+from rclpy.parameter import Parameter
+from std_msgs.msg import Float64MultiArray
+from wired import (
+    BEGIN,
+    Feed,
+    joints,
+    LAW,
+    listen,
+    Make,
+    MS,
+    wired,
+)
+
+AXES = ('shoulder', 'elbow', 'wrist')
+
+
+def axes(make: Make, **parameters: Any) -> tuple[Probe, list[Any], list[Any]]:
+    """Run an axis for each joint, the k-th of which commands element k + 1 of an array."""
+    probe = make()
+    heard = listen(probe, Float64MultiArray, 'efforts')
+    nodes: list[ControllerNode] = []
+    for k, name in enumerate(AXES):
+        given = wired(
+            wiring_measurement=f'{probe.namespace}/joints sensor_msgs/JointState '
+            f'position[name={name}]',
+            wiring_command=f'{probe.namespace}/efforts std_msgs/Float64MultiArray data[{k + 1}]',
+            wiring_fill=-1.0,
+            safe_command=10.0 * (k + 1),
+            **parameters,
+        )
+        first = nodes[0] if nodes else None
+        nodes.append(Axis(first, (), f'{probe.namespace}/{name}', parameters=given))
+    for node in nodes:
+        probe.add(node)
+    probe.wait_until(lambda: nodes[0]._command.has_readers)
+    return probe, nodes, heard
+
+
+def test_axes_hear_one_message_and_answer_in_one(make_probe: Make) -> None:
+    probe, nodes, heard = axes(make_probe)
+    feed = Feed(probe, nodes[2])
+    laws = [
+        Controller(build(ControllerSettings, {**LAW, 'safe_command': safe}))
+        for safe in (10.0, 20.0, 30.0)
+    ]
+    for k in range(20):
+        order = AXES if k % 3 else AXES[::-1]
+        at = {name: 0.01 * k * (i + 1) for i, name in enumerate(AXES)}
+        feed(joints(BEGIN + 10 * k * MS, order, **at))
+        probe.wait_until(lambda: len(heard) > k)  # noqa: B023
+        expected = [law.tick(at[n], 0.01 if k else 1.0) for law, n in zip(laws, AXES)]
+        assert list(heard[k].data) == [-1.0, *expected]
+    assert probe.node.count_publishers('efforts') == 1
+    assert len(heard) == 20
+
+
+def test_an_axis_that_is_off_or_blind_is_at_its_own_safe_command(make_probe: Make) -> None:
+    probe, nodes, heard = axes(make_probe, share_command=False)
+    feed = Feed(probe, nodes[0])
+    probe.wait_until(lambda: not any(node._rivals.listening for node in nodes))
+    nodes[1].enable(False)
+    partial = AXES[:2]
+    for k in range(30):
+        feed(joints(BEGIN + 10 * k * MS, partial if k else AXES, shoulder=0.01 * k, elbow=1.0))
+        probe.spin(0.02)
+    assert heard[-1].data[2] == 20.0
+    nodes[1].set_parameters([Parameter('safe_command', value=25.0)])
+    feed(joints(BEGIN + 400 * MS, partial, shoulder=0.5, elbow=1.0))
+    probe.wait_until(lambda: heard[-1].data[2] == 25.0)
+    assert heard[-1].data[1] not in (10.0, heard[-2].data[1])
+    assert not any(node._rivals.commanding or node._rivals.gave_way for node in nodes)
+    for node in nodes:
+        node.begin_stop()
+    for node in nodes:
+        node.close()
+    probe.wait_until(lambda: list(heard[-1].data) == [-1.0, 10.0, 25.0, 30.0])
+
+
+def test_axes_on_one_timer_send_one_message_a_period(make_probe: Make) -> None:
+    probe, nodes, heard = axes(make_probe, trigger='timer', rate=50.0)
+    feed = Feed(probe, nodes[1])
+    feed(joints(BEGIN, AXES))
+    before, ticks = len(heard), nodes[0].ticker.periods
+    probe.wait_until(lambda: nodes[0].ticker.periods >= ticks + 50)
+    assert len(heard) - before == pytest.approx(nodes[0].ticker.periods - ticks, abs=2)
+
+
+def test_an_element_that_another_axis_commands_is_refused(make_probe: Make) -> None:
+    probe = make_probe()
+    first = probe.add(Axis(None, (), f'{probe.namespace}/x', parameters=wired()))
+    with pytest.raises(UserError, match='another axis of this process commands it'):
+        Axis(first, (), f'{probe.namespace}/x', node_name='other', parameters=wired())
+    fill = wired(wiring_fill=1.0, wiring_command='efforts std_msgs/Float64MultiArray data[0]')
+    with pytest.raises(UserError, match='are one for all axes'):
+        Axis(first, (), f'{probe.namespace}/x', node_name='third', parameters=fill)

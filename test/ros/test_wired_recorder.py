@@ -1,0 +1,60 @@
+"""A recorder listens to what the controller is wired to, by the parameters of that one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import time
+
+from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.records.recording import read_samples
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from wired import joints, listen, Make, wired
+
+PERIOD = 20_000_000
+
+
+@pytest.mark.parametrize('best_effort', [False, True])
+def test_a_recorder_records_the_numbers_that_the_controller_has_and_sends(
+    make_probe: Make, tmp_path: Path, best_effort: bool
+) -> None:
+    recorder = {'directory': str(tmp_path), 'inputs': 'reference measurement command'}
+    parameters = wired(
+        rate=50.0,
+        measurement_timeout=5.0,
+        wiring_reference='goal sensor_msgs/JointState position[-1] * 2',
+    )
+    probe = make_probe(parameters={'controller': parameters, 'recorder': recorder})
+    qos = qos_profile_sensor_data if best_effort else 10
+    send = probe.node.create_publisher(JointState, 'joints', qos)
+    aim = probe.node.create_publisher(JointState, 'goal', 10)
+    heard = listen(probe, Float64MultiArray, 'efforts')
+    node = probe.add(RecorderNode(parameters=recorder))
+    controller = probe.add(ControllerNode())
+    probe.wait_until(lambda: send.get_subscription_count() > 1)
+    probe.wait_until(lambda: aim.get_subscription_count() > 1)
+    probe.wait_until(lambda: controller._command.publisher.get_subscription_count() > 1)
+    begin = time.time_ns()
+    for k in range(60):
+        probe.wait_until(lambda: time.time_ns() > begin + k * PERIOD)  # noqa: B023
+        aim.publish(joints(0, ('a', 'b'), b=1.5))
+        others = ('shoulder', 'wrist')
+        if k % 3 == 2:  # somebody else tells the other joints
+            send.publish(joints(begin + k * PERIOD, others))
+        send.publish(joints(begin + k * PERIOD, (*others, 'elbow'), elbow=0.01 * k * k))
+    probe.wait_until(lambda: len(heard) >= 60)
+    probe.spin(0.7)
+    node.close()
+    rows = read_samples(node.folder.path)
+    commands = {message.data[1] for message in heard}
+    measured = {0.01 * k * k for k in range(60)}
+    assert len(rows['time']) >= 50
+    assert set(rows['measurement']) <= measured
+    assert set(rows['command']) <= commands
+    assert rows['reference'][5:] == [3.0] * len(rows['reference'][5:])
+    stamps = rows['measurement_stamp']
+    periods = [(stamp - stamps[0]) / 0.02 for stamp in stamps]
+    assert periods == pytest.approx([round(n) for n in periods], abs=1e-4)
