@@ -52,7 +52,9 @@ class NodeProcess:
 
     def __init__(self, command: list[str], log: Path) -> None:
         self._log = log
-        environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+        # ROS from apt is found by it, too
+        found = os.pathsep.join(filter(None, (str(ROOT), os.environ.get('PYTHONPATH'))))
+        environment = {**os.environ, 'PYTHONPATH': found}
         with log.open('wb') as file:
             self.popen = subprocess.Popen(
                 command,
