@@ -7,12 +7,14 @@ from itertools import count
 import os
 from pathlib import Path
 import signal
+import sys
 
 from nadrc_ros.testing import private_domain
 from probe import Probe, Processes
 import pytest
 
 pytest.register_assert_rewrite('accounting')
+sys.path.append(str(Path(__file__).parents[1]))  # helpers of all tests
 _names = count(1)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
@@ -9,9 +10,11 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.controller import Axis, ControllerNode
+from nadrc_ros.ros.topics import SEND
 from probe import Probe
 import pytest
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from wired import (
     BEGIN,
@@ -21,6 +24,7 @@ from wired import (
     listen,
     Make,
     MS,
+    steps,
     wired,
 )
 
@@ -106,3 +110,59 @@ def test_an_element_that_another_axis_commands_is_refused(make_probe: Make) -> N
     fill = wired(wiring_fill=1.0, wiring_command='efforts std_msgs/Float64MultiArray data[0]')
     with pytest.raises(UserError, match='are one for all axes'):
         Axis(first, (), f'{probe.namespace}/x', node_name='third', parameters=fill)
+
+
+class Joint:
+    """A joint that integrates its command and a load; the law on Float64 sees the same of it."""
+
+    def __init__(self, load: float, safe: float) -> None:
+        self.law = Controller(build(ControllerSettings, {**LAW, 'safe_command': safe}))
+        self.load = load
+        self.y = 0.0
+        self.seen = -1
+
+    def move(self, command: float) -> None:
+        self.y += 0.01 * (command + self.load)
+
+
+def in_the_wild(make: Make, shuffled: bool) -> tuple[list[list[float]], list[list[float]]]:
+    """Run three joints for 4 s; return the commands that were sent, and those on Float64."""
+    probe, nodes, heard = axes(make)
+    feed = Feed(probe, nodes[0])
+    others = probe.node.create_publisher(JointState, 'joints', SEND)
+    probe.wait_until(others.get_subscription_count)
+    dice = random.Random(3)
+    loops = [Joint(load, 10.0 * (k + 1)) for k, load in enumerate((0.5, -1.0, 2.0))]
+    order, expected = list(AXES), []
+    for k in range(400):
+        if shuffled and k % 50 == 0:
+            dice.shuffle(order)
+        if k % 4 == 2:  # who tells the fingers only
+            before = nodes[0].inputs[0].absences
+            others.publish(joints(BEGIN + 10 * k * MS, ('finger', 'thumb')))
+            probe.wait_until(lambda: nodes[0].inputs[0].absences > before)  # noqa: B023
+        blind = 150 <= k < 200  # the elbow, for half a second
+        there = tuple(name for name in order if not (blind and name == 'elbow'))
+        at = {name: loop.y for name, loop in zip(AXES, loops)}
+        feed(joints(BEGIN + 10 * k * MS, there, **at))
+        probe.wait_until(lambda: len(heard) > k)  # noqa: B023
+        for name, loop in zip(AXES, loops):
+            if name in there:
+                loop.law.tick(loop.y, 0.01 * (k - loop.seen) if k else 1.0)
+                loop.seen = k
+        expected.append([loop.law.command for loop in loops])
+        for loop, command in zip(loops, heard[k].data[1:]):
+            loop.move(command)
+    assert not any(steps(node).get('bad_time_step') for node in nodes)
+    probe.close()
+    return [list(message.data[1:]) for message in heard], expected
+
+
+def test_p24_three_joints_in_the_wild_are_commanded_as_on_float64_to_the_bit(
+    make_probe: Make,
+) -> None:
+    sent, expected = in_the_wild(make_probe, shuffled=True)
+    assert sent == expected
+    assert sent == in_the_wild(make_probe, shuffled=False)[0]
+    assert all(abs(command) < 40.0 for row in sent for command in row)
+    assert [round(command, 2) for command in sent[-1]] == [-0.5, 1.0, -2.0]
