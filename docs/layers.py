@@ -27,6 +27,7 @@ FLOORS = (
         ('theory', 'bounds, norms, margins', PLAIN),
     ),
     (('simulation', 'plants, signals, faults, the closed loop, figures of merit', PURE),),
+    (('wiring', "a number inside a message's bytes, and its address", PURE),),
     (('adrc', 'the law under its fault policy', PURE),),
 )
 LEGEND = (

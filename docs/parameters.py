@@ -18,6 +18,7 @@ from nadrc_ros.nodes.reference import ReferenceSettings
 from nadrc_ros.nodes.wiring import LoopSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.wiring import wiring_fields
 from nadrc_ros.simulation.plants import PLANTS
 
 PAGE = Path(__file__).with_name('parameters.md')
@@ -34,6 +35,7 @@ def page() -> str:
     tables: dict[str, Mapping[str, Declared]] = {
         'All nodes': declared(PacingSettings),
         'controller': declared(LoopSettings) | declared(ControllerSettings),
+        'controller, signals that are fields of messages': wiring_fields(),
         'plant': (
             declared(PlantSettings)
             | noise_fields()

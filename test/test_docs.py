@@ -17,6 +17,7 @@ from nadrc_ros.nodes.plant import fault_fields, noise_fields
 from nadrc_ros.nodes.wiring import LoopSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.wiring import build_wiring, SIGNALS, wiring_fields
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.plants import PaperPlant
 from nadrc_ros.tuning.design.limits import check
@@ -43,6 +44,7 @@ PARAMETERS: dict[str, dict[str, Declared]] = {
         **declared(ControllerSettings),
         **declared(PacingSettings),
         **declared(LoopSettings),
+        **wiring_fields(),
     },
     'plant': {
         **declared(PaperPlant),
@@ -90,6 +92,26 @@ def test_the_commands_of_choosing_run_and_say_what_the_page_says(tmp_path: Path)
     with pytest.raises(Conflict) as refused:
         check(Requirements(settling_time=0.01, rate=500.0))
     assert str(refused.value) == ' '.join(message.split())
+
+
+def test_the_wirings_of_the_page_and_of_the_examples_lead_to_numbers() -> None:
+    pytest.importorskip('sensor_msgs', reason='the build brings it')
+    from nadrc_ros.ros.wires import members_of
+    from nadrc_ros.wiring.address import parse_address
+    from nadrc_ros.wiring.reader import Reader
+
+    page = (ROOT / 'docs' / 'wiring.md').read_text(encoding='utf-8')
+    texts = re.findall(r'```yaml\n(.*?)```', page, re.DOTALL)
+    texts += [p.read_text(encoding='utf-8') for p in (ROOT / 'examples/mujoco').glob('*.yaml')]
+    nodes = [node for text in texts for node in yaml.safe_load(text).values()]
+    wired = [node['ros__parameters'].get('wiring', {}) for node in nodes]
+    for values in wired:
+        build_wiring({f'wiring.{name}': value for name, value in values.items()})
+    addresses = [values[name] for values in wired for name in SIGNALS.values() if name in values]
+    assert len(addresses) >= 10
+    addresses += re.findall(r'^\| `(/[^`]+)`', page, re.MULTILINE)
+    for where in map(parse_address, addresses):
+        Reader(where, where.type, members_of)
 
 
 @pytest.mark.parametrize('command', NODES)
@@ -160,7 +182,7 @@ def test_what_the_tour_of_the_architecture_names_is_there() -> None:
 
 def test_every_promise_has_a_test() -> None:
     rows = re.findall(r'^\| (\d+) \| .* \| (.*) \|$', SAFETY, re.MULTILINE)
-    assert [int(number) for number, _ in rows] == list(range(1, 21))
+    assert [int(number) for number, _ in rows] == [*range(1, 21), 24]
     assert all('](../test/' in tests for _, tests in rows)
 
 
