@@ -3,7 +3,8 @@ Reading one number out of serialised messages, without making a message of them.
 
 The way to the number is walked once, and what it depended on is kept: lengths, and the names among
 which one was looked up. A message in which these are the same has its number at the same place, so
-that most messages cost two reads; any other is walked again.
+that most messages cost two reads; any other is walked. A few ways are kept, as publishers that
+tell parts of a machine take turns on one topic.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ def _upper(angle: float) -> float:
 # all about fixed axes, REP 103), of a vector its length.
 ANGLES: dict[str, Callable[..., float]] = {'roll': _roll, 'pitch': _pitch, 'yaw': _yaw}
 QUATERNION = ['x', 'y', 'z', 'w']
+_KEPT = 4
 
 
 class Absent(NamedTuple):
@@ -66,6 +68,22 @@ class Absent(NamedTuple):
 
     def __str__(self) -> str:
         return f'{self.wanted} is not among {", ".join(self.there) or "none"}'
+
+
+class Way(NamedTuple):
+    """
+    Where the number is in messages in which ``known`` unpacks to ``expected``.
+
+    ``size`` is the least length of these, ``number`` is how the number at ``at`` is packed, and
+    ``absent`` what is not there, instead.
+    """
+
+    size: int
+    known: Struct
+    expected: tuple[object, ...]
+    at: int
+    number: Struct
+    absent: Absent | None
 
 
 class Reader:
@@ -116,11 +134,7 @@ class Reader:
             and first[1].name == 'std_msgs/Header'
         )
         self.absent: Absent | None = None
-        self._size = 2**62
-        self._known = Struct('')
-        self._expected: tuple[object, ...] = (None,)
-        self._number = Struct('')
-        self._at = 0
+        self._ways: list[Way] = []
 
     def read(self, data: bytes) -> float | None:
         """
@@ -128,17 +142,20 @@ class Reader:
 
         Nothing is raised: see :attr:`absent` for what was missing.
         """
-        if len(data) < self._size or self._known.unpack_from(data) != self._expected:
-            self.absent = None
+        for way in self._ways:
+            if len(data) >= way.size and way.known.unpack_from(data) == way.expected:
+                break
+        else:
             try:
-                self._locate(data)
+                way = self._locate(data)
             except Malformed:
-                self._forget()
+                self.absent = None
                 return nan
-            if self.absent is not None:
-                self._forget()
-                return None
-        values = self._number.unpack_from(data, self._at)
+            self._ways = [way, *self._ways[: _KEPT - 1]]
+        self.absent = way.absent
+        if way.absent is not None:
+            return None
+        values = way.number.unpack_from(data, way.at)
         value = float(values[0]) if self._of is None else self._of(*values)
         return self._factor * value + self._offset if self._scaled else value
 
@@ -152,14 +169,15 @@ class Reader:
             When this message has no such number, or the address is of a computed one.
 
         """
-        self._forget()
-        if self.read(data) is None:
-            raise AddressError(self.address, str(self.absent))
         if self._of is not None:
             raise AddressError(self.address, 'that is computed, and cannot be written')
-        if self._size == 2**62:
-            raise AddressError(self.address, 'there is no such element')
-        return self._at, self._number
+        try:
+            way = self._locate(data)
+        except Malformed:
+            raise AddressError(self.address, 'there is no such element') from None
+        if way.absent is not None:
+            raise AddressError(self.address, str(way.absent))
+        return way.at, way.number
 
     def stamp(self, data: bytes) -> int | None:
         """Return the time in the header [ns], None where there is none or it is not set."""
@@ -168,11 +186,8 @@ class Reader:
         seconds, nanoseconds = _STAMP[ORDERS[data[1]]].unpack_from(data, HEADER)
         return (seconds * 1_000_000_000 + nanoseconds) or None
 
-    def _forget(self) -> None:
-        self._size = 2**62
-
-    def _locate(self, data: bytes) -> None:
-        """Find where the number is, and keep what that depends on."""
+    def _locate(self, data: bytes) -> Way:
+        """Find where the number is, and what that depends on."""
         if len(data) < HEADER or data[0] != 0 or data[1] not in ORDERS:
             raise Malformed
         order = ORDERS[data[1]]
@@ -180,18 +195,18 @@ class Reader:
         kind: Type = self.layout
         for step in self._path:
             assert isinstance(kind, Message)
-            if not self._descend(walk, kind, step):
-                return
+            absent = self._descend(walk, kind, step)
+            if absent is not None:
+                return _way(walk, 0, Struct(''), absent)
             kind = kind.members[step.member]
             if isinstance(kind, Array):
                 kind = kind.element
         code, count = self._leaf
-        self._number = Struct(f'{order}{count}{code}')
-        self._at = HEADER + walk.to(self._number.size // count, count)
-        self._keep(walk)
+        number = Struct(f'{order}{count}{code}')
+        return _way(walk, HEADER + walk.to(number.size // count, count), number, None)
 
-    def _descend(self, walk: Walk, message: Message, step: Step) -> bool:
-        """Go to the member that a step names; False if there is no element of that name."""
+    def _descend(self, walk: Walk, message: Message, step: Step) -> Absent | None:
+        """Go to the member that a step names; return what is not there, if it is not."""
         names: list[str] | None = None
         for member, kind in message.members.items():
             if member == step.member:
@@ -202,7 +217,7 @@ class Reader:
             else:
                 walk.over(kind)
         if not isinstance(kind, Array):
-            return True
+            return None
         count, begin = walk.count(kind), walk.at
         index = step.index
         if step.key:
@@ -210,8 +225,7 @@ class Reader:
                 names = self._names_behind(walk, message, step, kind, count)
                 walk.at = begin
             if step.value not in names:
-                self.absent = Absent(step.value, tuple(names))
-                return False
+                return Absent(step.value, tuple(names))
             index = names.index(step.value)
         assert index is not None
         if index < 0:
@@ -219,7 +233,7 @@ class Reader:
         if not 0 <= index < count:
             raise Malformed
         walk.over_elements(kind.element, index)
-        return True
+        return None
 
     def _names_behind(
         self, walk: Walk, message: Message, step: Step, kind: Array, count: int
@@ -237,15 +251,16 @@ class Reader:
             walk.over(behind)
         raise Malformed
 
-    def _keep(self, walk: Walk) -> None:
-        """Let a later message be compared with this one in one read."""
-        form, at, expected = walk.order + 'xB', 2, [walk.data[1]]
-        for begin, code, value in sorted(set(walk.shape)):
-            form += f'{HEADER + begin - at}x{code}'
-            at = HEADER + begin + Struct(code).size
-            expected.append(value)  # type: ignore[arg-type]
-        self._known, self._expected = Struct(form), tuple(expected)
-        self._size = max(self._known.size, self._at + self._number.size)
+
+def _way(walk: Walk, at: int, number: Struct, absent: Absent | None) -> Way:
+    """Return a way that a later message is compared with in one read."""
+    form, end, expected = walk.order + 'xB', 2, [walk.data[1]]
+    for begin, code, value in sorted(set(walk.shape)):
+        form += f'{HEADER + begin - end}x{code}'
+        end = HEADER + begin + Struct(code).size
+        expected.append(value)  # type: ignore[arg-type]
+    known = Struct(form)
+    return Way(max(known.size, at + number.size), known, tuple(expected), at, number, absent)
 
 
 def _resolve(
