@@ -100,6 +100,11 @@ def test_axes_on_one_timer_send_one_message_a_period(make_probe: Make) -> None:
     before, ticks = len(heard), nodes[0].ticker.periods
     probe.wait_until(lambda: nodes[0].ticker.periods >= ticks + 50)
     assert len(heard) - before == pytest.approx(nodes[0].ticker.periods - ticks, abs=2)
+    still = list(heard[-1].data)
+    feed(joints(BEGIN + 20 * MS, AXES, shoulder=8.0, elbow=8.0, wrist=8.0))
+    probe.wait_until(lambda: list(heard[-1].data) != still)
+    moved = next(message.data for message in heard[before:] if list(message.data) != still)
+    assert all(now != then for now, then in zip(moved[1:], still[1:]))  # of one period, all of it
 
 
 def test_an_element_that_another_axis_commands_is_refused(make_probe: Make) -> None:

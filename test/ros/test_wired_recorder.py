@@ -49,6 +49,8 @@ def test_a_recorder_records_the_numbers_that_the_controller_has_and_sends(
     probe.spin(0.7)
     node.close()
     rows = read_samples(node.folder.path)
+    assert node.intake.losses['measurement'].newest > 60  # those of the others count as come
+    assert node.intake.lost['measurement'] == 0
     commands = {message.data[1] for message in heard}
     measured = {0.01 * k * k for k in range(60)}
     assert len(rows['time']) >= 50

@@ -229,6 +229,17 @@ def test_with_headers_the_law_sees_simulated_time(make_probe: Make) -> None:
     assert 0.002 < node.latencies.summary()['latency_median_ms'] < 4.0
 
 
+def test_a_reference_in_the_same_message_counts_for_the_step_it_triggers(make_probe: Make) -> None:
+    goal = 'joints sensor_msgs/msg/JointState position[name=goal]'
+    probe, node = run(make_probe, wired(wiring_reference=goal))
+    feed = Feed(probe, node)
+    law = Controller(build(ControllerSettings, LAW))
+    for k in range(5):
+        feed(joints(BEGIN + 10 * k * MS, ('goal', 'elbow'), goal=2.0 + k, elbow=1.0))
+        law.tick(1.0, 0.01 if k else 1.0, reference=[2.0 + k])
+        assert node.controller.command == law.command
+
+
 def test_a_number_is_the_one_that_was_sent_to_the_bit(make_probe: Make) -> None:
     probe, node = run(make_probe, wired(wiring_measurement='y std_msgs/Float64 data'))
     got: list[float] = []
