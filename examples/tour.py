@@ -49,9 +49,12 @@ def main() -> None:
 
 def _look(run: RunningLoop, said: str) -> None:
     """Let the loop run for a while, and print the largest error of its second half."""
-    run.run_until(run.time + STEP)
+    end = run.time + STEP
+    run.run_until(end)
+    # Rows come a third of a second late.
+    run.wait_until(lambda: run.result().time[-1] > end - 0.5 * STEP)
     result = run.result()
-    late = result.time > run.time - 0.5 * STEP  # rows come a third of a second late
+    late = result.time > end - 0.5 * STEP
     error = np.abs(result.reference - result.output)[late].max()
     shown = f'largest error {error:.3f}'
     if np.isnan(result.measurement[late]).all():

@@ -22,7 +22,7 @@ from law_helpers import (
 )
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.status import Mode, Status
+from nadrc_ros.adrc.status import Cause, Mode, Status
 import numpy as np
 import pytest
 
@@ -304,3 +304,14 @@ def test_p11_to_have_waited_disabled_changes_nothing_of_the_start() -> None:
         commands = [c.tick(y, 0.005, reference=reference) for c in (waited, fresh)]
         assert commands[0] == pytest.approx(commands[1], abs=1e-9)
     assert abs(commands[0]) > 0.1
+
+
+def test_a_tick_of_nothing_takes_no_time() -> None:
+    controller = Controller(ControllerSettings(measurement_timeout=0.5))
+    for _ in range(10):
+        controller.tick(0.1, H, reference=[0.2])
+    for _ in range(5):
+        controller.tick()
+    assert (controller.mode, controller.cause) == (Mode.OK, Cause.NONE)
+    controller.tick(elapsed=1.0)
+    assert controller.cause == Cause.MEASUREMENT_TIMEOUT

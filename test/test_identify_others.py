@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import attrs
 from bench.identify import figures, refusals, study
 from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.tuning.identification.candidates import direction, dry_of, is_lag, rate_of
+from nadrc_ros.tuning.identification.candidates import (
+    _poles_of,
+    direction,
+    dry_of,
+    is_lag,
+    rate_of,
+)
 from nadrc_ros.tuning.identification.estimate import _orthonormal, answers, is_open
 from nadrc_ros.tuning.identification.fit import Fit, fit_direct, likely_delays
 from nadrc_ros.tuning.identification.identify import identify, Plant
@@ -191,6 +198,13 @@ def test_instruments_that_say_the_same_or_nothing_count_once_or_not() -> None:
     found = _orthonormal(np.column_stack([x, np.zeros(50), -3.0 * x]))
     assert found.shape == (50, 1)
     np.testing.assert_allclose(np.abs(found[:, 0]), np.abs(x) / np.linalg.norm(x), atol=1e-12)
+
+
+def test_poles_are_the_roots_of_the_model() -> None:
+    log = log_of(CASES['tank, open loop'].log(seed=0))
+    fit = fit_direct(log, Form(order=2))
+    poles = _poles_of(attrs.evolve(fit, parameters=np.array([-6.0, -5.0])))
+    assert sorted(poles.real) == pytest.approx([-3.0, -2.0])
 
 
 def test_kinks_of_the_motion_are_no_noise() -> None:

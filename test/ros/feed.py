@@ -26,7 +26,11 @@ class Feed:
         self.recorder = self.probe.add(RecorderNode())
         self.send = {topic: self.probe.publisher(topic) for topic in TOPICS}
         self.intake = self.recorder.intake
+        self._greeted = 0
         self.probe.wait_until(self._heard)
+        # What is still on its way would be in the run that is to come.
+        heard = self.intake.losses.values()
+        self.probe.wait_until(lambda: all(topic.newest == self._greeted for topic in heard))
         assert self.probe.trigger('recorder/reset').success
         self.k = 0
         self._before = self.intake.losses['command'].newest
@@ -34,6 +38,7 @@ class Feed:
 
     def _heard(self) -> bool:
         """Send something on every topic; whether the recorder has heard them all."""
+        self._greeted += 1
         for send in self.send.values():
             send(0.0)
         return not self.intake.unheard()

@@ -196,7 +196,7 @@ def test_a_run_ends_after_its_duration_though_the_sensor_is_dead(
     (gap,) = [event for event in events if event.kind == 'gap']
     lasted = 2.0 - (gap.time or 0.0)
     assert gap.message == f'no measurement for {lasted:.4g} s: nothing was sent'
-    assert len(events) > 40 and all((event.time or 0.0) <= 2.0 for event in events)
+    assert len(events) > 5 and all((event.time or 0.0) <= 2.0 for event in events)
     summed = summarise(folder)
     same = ('metrics', 'rows', 'periods', 'rate', 'gap_time', 'stop')
     assert {key: summed[key] for key in same} == {key: found[key] for key in same}
