@@ -111,7 +111,7 @@ def test_the_wirings_of_the_page_and_of_the_examples_lead_to_numbers() -> None:
     assert len(addresses) >= 10
     addresses += re.findall(r'^\| `(/[^`]+)`', page, re.MULTILINE)
     for where in map(parse_address, addresses):
-        Reader(where, where.type, members_of)
+        Reader(where, where.message_type, members_of)
 
 
 @pytest.mark.parametrize('command', NODES)

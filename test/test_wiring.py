@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan, nan, pi
+from math import cos, isnan, nan, pi, remainder, sin
 from typing import Any
 
 from hypothesis import given
@@ -34,14 +34,18 @@ def joints(order: str = '<', **positions: float) -> bytes:
 def test_an_address_is_parsed_into_its_parts_and_written_as_it_was() -> None:
     text = '/joint_states sensor_msgs/msg/JointState position[name=elbow] * -2 + 0.5'
     address = parse_address(text)
-    assert address.topic == '/joint_states' and address.type == 'sensor_msgs/msg/JointState'
+    assert (
+        address.topic == '/joint_states' and address.message_type == 'sensor_msgs/msg/JointState'
+    )
     assert address.path == (Step('position', key='name', value='elbow'),)
     assert (address.factor, address.offset) == (-2.0, 0.5)
     assert str(address) == text
-    assert parse_address('imu sensor_msgs/Imu a.b[-1].c').type == 'sensor_msgs/msg/Imu'
+    exact = 'imu angular_velocity.z * 0.0174532925199432957'
+    assert parse_address(str(parse_address(exact))) == parse_address(exact)
+    assert parse_address('imu sensor_msgs/Imu a.b[-1].c').message_type == 'sensor_msgs/msg/Imu'
     assert parse_path('a.b[-1].c') == (Step('a'), Step('b', -1), Step('c'))
     assert parse_address('~/own data').topic == '~/own'
-    assert parse_address('imu a').type == ''
+    assert parse_address('imu a').message_type == ''
 
 
 J = '/j sensor_msgs/JointState '
@@ -100,7 +104,7 @@ REFUSED = [
 def test_a_malformed_address_is_refused_with_what_there_is(text: str, why: str) -> None:
     with pytest.raises(AddressError) as caught:
         address = parse_address(text)
-        Reader(address, address.type or 'sensor_msgs/JointState', members_of)
+        Reader(address, address.message_type or 'sensor_msgs/JointState', members_of)
     assert why in str(caught.value)
     assert '\n' not in str(caught.value)
 
@@ -220,6 +224,15 @@ def test_angles_are_computed_of_rotations_alone(
             assert found == pytest.approx(expected, abs=1e-12, nan_ok=True)
     assert reader('position.norm', kind).read(pose(*rotation)) == 3.0
     assert reader('position.norm * -2 + 1', kind).read(pose(*rotation)) == -5.0
+
+
+def test_the_yaw_of_ten_turns_is_above_minus_pi_and_at_most_pi() -> None:
+    yaw = reader('orientation.yaw', LAYOUTS['geometry_msgs/Pose'])
+    for k in range(-360, 361):
+        angle = 2.0 * pi * k / 36.0
+        found = yaw.read(pose(0.0, 0.0, sin(0.5 * angle), cos(0.5 * angle)))
+        assert found is not None and -pi < found <= pi
+        assert remainder(found - angle, 2.0 * pi) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_stamp_of_a_header_is_told_where_there_is_one_that_is_set() -> None:

@@ -94,6 +94,7 @@ class ControllerNode(LiveNode):
             else:
                 self.ticker = self._sample_ticker = SampleTicker(self, self.timer, self.on_timer)
                 self._sample_ticker.notice_within(settings.measurement_timeout)
+                self.inputs[0].skipped = self._sample_ticker.skip
             self._wiring.flush_after(self.timer)
             self._times = self._wiring.sample_times(self.pacing.period)
             self._now = self.ticker.now

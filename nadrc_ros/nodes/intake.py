@@ -59,9 +59,6 @@ class Intake:
         for name, topic in topics.items():
             node.add_input(topic, partial(self.take, name), qos=RECORD, **_watched(name))
 
-    def _skip(self, name: str, info: Info) -> None:
-        self.losses[name].before(info['publication_sequence_number'])
-
     def follow(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Take the wiring of a controller for ours, from its parameters and its full name."""
         with suppress(UserError):  # a node of that name that is none of ours
@@ -90,8 +87,8 @@ class Intake:
                 **_watched(name),
                 fixed=wire is not None,
                 wire=wire,
-                absent=partial(self._skip, name),
             )
+            self._node.inputs[place].skipped = self.losses[name].before
             self._departures.pop(name, None)
             self._wired[name] = address
         self._node.remarks.put('wiring', complaint, looks=_PATIENCE)

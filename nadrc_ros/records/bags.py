@@ -113,8 +113,8 @@ def _received(path: Path, source: Source) -> dict[str, list[tuple[int, float]]]:
 
 def _reader_of(address: Address, kind: str, members_of: MembersOf) -> Reader:
     """Return what reads a signal; on a topic alone, the only number of its messages."""
-    if address.type not in ('', kind):
-        raise RecordingError(f'{address.topic} has {kind}, not {address.type}')
+    if address.message_type not in ('', kind):
+        raise RecordingError(f'{address.topic} has {kind}, not {address.message_type}')
     named = address.path
     if not named and not _NUMBER_TYPES.fullmatch(kind):
         raise RecordingError(

@@ -38,7 +38,7 @@ class Exchange:
 
     def join(self, heard: Input, take: Take, subscribe: Callable[[Take], Any]) -> Any:
         """Have ``take`` called with the messages of an input; return their subscription."""
-        key = heard.topic, heard.type
+        key = heard.topic, heard.message_type
         if key not in self._takers:
             takers: list[Take] = []
 
@@ -67,7 +67,7 @@ class Exchange:
             When there is no place for a number, or another axis has it.
 
         """
-        key = node.resolve_topic_name(wire.address.topic), wire.type
+        key = node.resolve_topic_name(wire.address.topic), wire.message_type
         if key not in self._messages:
             self._messages[key] = OutgoingMessage(node, wire, fill, frame_id)
         return self._messages[key].add(wire, fill, frame_id, value)
@@ -84,7 +84,7 @@ class OutgoingMessage(Sender):
 
     def __init__(self, node: Node, wire: Wire, fill: float, frame_id: str) -> None:
         super().__init__(node, wire.address.topic, kind=wire.kind)
-        self.type = wire.type
+        self.message_type = wire.message_type
         self._kind = wire.kind
         self._stamped = wire.reader.has_header
         self._fill, self._frame_id = fill, frame_id
@@ -104,7 +104,9 @@ class OutgoingMessage(Sender):
         """
         named = f'{wire.name} {str(wire.address)!r}'
         if frame_id and not self._stamped:
-            raise UserError(f'{named}: {wire.type} has no header for wiring.frame_id {frame_id!r}')
+            raise UserError(
+                f'{named}: {wire.message_type} has no header for wiring.frame_id {frame_id!r}'
+            )
         if (fill, frame_id) != (self._fill, self._frame_id):
             raise UserError(f'{named}: wiring.fill and wiring.frame_id are one for all axes')
         if any(each.path == wire.address.path for each in self._fields):
@@ -158,7 +160,11 @@ class Field(Sender):
 
     def __init__(self, message: OutgoingMessage, wire: Wire, value: float) -> None:
         self.publisher = message.publisher
-        self.topic, self.type, self.owner = message.topic, message.type, message.owner
+        self.topic, self.message_type, self.owner = (
+            message.topic,
+            message.message_type,
+            message.owner,
+        )
         self.count = 0
         self.told = None
         self._wire = self.wire = wire

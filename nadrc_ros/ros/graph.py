@@ -199,8 +199,11 @@ class InputWatch:
         silence.searched = -inf
         names = ', '.join(sorted({node_of(info) for info in there}))
         types = sorted({info.topic_type for info in there})
-        if each.type not in types:
-            return f'{names} publishes it as {", ".join(types)}, and {each.type} is needed', WARN
+        if each.message_type not in types:
+            return (
+                f'{names} publishes it as {", ".join(types)}, and {each.message_type} is needed',
+                WARN,
+            )
         unheard = [info for info in there if not _fits(info.qos_profile, each.qos)]
         if unheard:
             names = ', '.join(sorted({node_of(info) for info in unheard}))
@@ -248,7 +251,7 @@ class OutputWatch:
 
     def __init__(self, node: Node, sender: Sender, remarks: Remarks) -> None:
         self._node = node
-        self._topic, self._type = sender.topic, sender.type
+        self._topic, self._type = sender.topic, sender.message_type
         self._remarks = remarks
         self._untaken = 0
         self._like = ''

@@ -228,6 +228,10 @@ class SampleTicker(Ticker):
         longest = min(_LONGEST_LOOK, seconds - self._period) if seconds else _LONGEST_LOOK
         self._look_timer.timer_period_ns = round(1e9 * max(self._period, longest))
 
+    def skip(self, number: int | None) -> None:
+        """Note a message that is no sample, and is not lost."""
+        self._losses.before(number)
+
     def count(self, number: int | None) -> None:
         """Count a period for the sample with this publication number."""
         lost = self._losses.before(number)

@@ -64,10 +64,11 @@ class Input:
     silence: bytes | None  # level of what is said of it, None for nothing but a mistake
     regular: bool  # whether samples have to go on coming after the first one
     sole: bool  # whether there should be one publisher only
-    type: str = FLOAT64
+    message_type: str = FLOAT64
     count: int = 0
     absent: str = ''  # what the last message did not have that came without the number
     absences: int = 0  # how many came so
+    skipped: Callable[[int | None], object] = lambda number: None  # called with its number
     subscription: Any = None
 
 
@@ -77,7 +78,7 @@ class Sender:
 
     Attributes
     ----------
-    topic, type
+    topic, message_type
         Full name of the topic, and type of its messages.
     owner
         Full name of the node that has the publisher.
@@ -90,7 +91,7 @@ class Sender:
 
     """
 
-    type = FLOAT64
+    message_type = FLOAT64
     wire: Wire | None = None
 
     def __init__(
@@ -142,7 +143,6 @@ def receive(
     sole: bool = False,
     fixed: bool = False,
     wire: Wire | None = None,
-    absent: Callable[[Info], None] = lambda info: None,
     join: Join | None = None,
 ) -> Input:
     """
@@ -160,8 +160,6 @@ def receive(
         Whether YAML cannot change the quality of service.
     wire
         Where the number is instead, in messages of which type on which topic.
-    absent
-        Called with a message that does not have it.
     join
         Subscribes instead of the node, and may be subscribed already.
 
@@ -176,14 +174,14 @@ def receive(
         silence=silence,
         regular=regular,
         sole=sole and not (wire and wire.keyed),
-        type=wire.type if wire else FLOAT64,
+        message_type=wire.message_type if wire else FLOAT64,
     )
 
     def call(data: bytes, info: Info) -> None:
         heard.count += 1
         callback(_number(data), info)
 
-    take = _taker(heard, wire, callback, absent) if wire else call
+    take = _taker(heard, wire, callback) if wire else call
 
     def subscribe(call: Take) -> Any:
         return node.create_subscription(
@@ -202,7 +200,7 @@ def receive(
     return heard
 
 
-def _taker(heard: Input, wire: Wire, callback: Receive, absent: Callable[[Info], None]) -> Take:
+def _taker(heard: Input, wire: Wire, callback: Receive) -> Take:
     read, timed, reader = wire.reader.read, wire.timed, wire.reader
 
     def take(data: bytes, info: Info) -> None:
@@ -210,7 +208,7 @@ def _taker(heard: Input, wire: Wire, callback: Receive, absent: Callable[[Info],
         if value is None:
             heard.absences += 1
             heard.absent = str(reader.absent)
-            absent(info)
+            heard.skipped(info['publication_sequence_number'])
             return
         heard.count += 1
         callback(value, timed(data, info))

@@ -13,7 +13,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.graph import publishers, readers
 from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
-from nadrc_ros.ros.topics import Info, LATEST, receive, with_info
+from nadrc_ros.ros.topics import Info, Input, LATEST, receive, with_info
 from nadrc_ros.ros.wires import (
     FLOAT64,
     make_wire,
@@ -55,6 +55,8 @@ class Heard:
         Whether it is those that take it.
     wrong
         What is not as it should be, empty where all is well.
+    source
+        What hears it, None where nothing can.
 
     """
 
@@ -66,6 +68,7 @@ class Heard:
     who: list[str] = attrs.field(factory=list)
     taken: bool = False
     wrong: str = ''
+    source: Input | None = None
 
     @property
     def rate(self) -> float:
@@ -114,12 +117,7 @@ def fields_now(topic: str, wait: float) -> tuple[str, list[tuple[str, float]]]:
 
 def check_wiring(parameters: Mapping[str, Any], namespace: str, seconds: float) -> list[Heard]:
     """
-    Listen for so long [s] to what a controller in a namespace would hear.
-
-    Parameters
-    ----------
-    parameters
-        Of the controller, by their dotted names; those of the wiring count.
+    Listen for so long [s] to what a controller with these ``parameters`` would hear.
 
     Raises
     ------
@@ -153,15 +151,12 @@ def _listen(node: Node, settings: WiringSettings, topic: str, name: str) -> Hear
         return heard
     heard.address = str(wire.address)
 
-    def missing(_: Info) -> None:
-        heard.wrong = str(wire.reader.absent)
-
     now = wire.now if wire.now and wire.by_header else time.time_ns
 
     def take(value: float, info: Info) -> None:
         heard.take(value, info, now())
 
-    receive(node, topic, take, fixed=True, wire=wire, absent=missing)
+    heard.source = receive(node, topic, take, fixed=True, wire=wire)
     return heard
 
 
@@ -174,6 +169,8 @@ def _judge(node: Node, heard: Heard, topic: str, wired: bool) -> None:
         heard.wrong = '' if heard.value == heard.value else 'it is no number (nan)'
     elif heard.wrong:
         return
+    elif heard.source is not None and heard.source.absent:
+        heard.wrong = heard.source.absent
     elif heard.signal == 'command':
         if not heard.who:
             heard.who, heard.taken = [each for each in readers(node, full) if each != own], True

@@ -91,9 +91,9 @@ class Wire:
         return self.reader.address
 
     @property
-    def type(self) -> str:
+    def message_type(self) -> str:
         """Type of the messages."""
-        return self.address.type
+        return self.address.message_type
 
     @property
     def by_header(self) -> bool:
@@ -144,15 +144,19 @@ def make_wire(node: Node, name: str, address: Address, stamp: str, wait: float) 
 
     """
     parameter = PREFIX + name
-    if not address.type:
+    if not address.message_type:
         said = f'{parameter} {str(address)!r}'
-        address = attrs.evolve(address, type=type_on_graph(node, said, address.topic, wait))
+        address = attrs.evolve(
+            address, message_type=type_on_graph(node, said, address.topic, wait)
+        )
     try:
-        kind = message_class(address.type)
+        kind = message_class(address.message_type)
     except LookupError:
-        raise UserError(f'{parameter} {str(address)!r}: {missing_type(address.type)}') from None
+        raise UserError(
+            f'{parameter} {str(address)!r}: {missing_type(address.message_type)}'
+        ) from None
     try:
-        reader = Reader(address, address.type, members_of)
+        reader = Reader(address, address.message_type, members_of)
     except AddressError as error:
         raise UserError(f'{parameter} {error}') from None
     simulated = node.get_parameter('use_sim_time').value

@@ -69,13 +69,13 @@ class Address:
     """
     Where a signal is: topic, type of the message, way to the number, and its scale.
 
-    The signal is ``factor`` times the number in the message, plus ``offset``. ``type`` is empty
-    where the graph has to tell it, ``topic`` where the address is one within a message, and
+    The signal is ``factor`` times the number in the message, plus ``offset``. ``message_type`` is
+    empty where the graph has to tell it, ``topic`` where the address is one within a message, and
     ``path`` where a topic has nothing but the number.
     """
 
     topic: str
-    type: str = ''
+    message_type: str = ''
     path: tuple[Step, ...] = ()
     factor: float = 1.0
     offset: float = 0.0
@@ -86,10 +86,16 @@ class Address:
         return '.'.join(map(str, self.path))
 
     def __str__(self) -> str:
-        words = [self.topic, self.type, self.field]
-        words += ['*', f'{self.factor:g}'] if self.factor != 1.0 else []
-        words += ['+', f'{self.offset:g}'] if self.offset != 0.0 else []
+        words = [self.topic, self.message_type, self.field]
+        words += ['*', _plain(self.factor)] if self.factor != 1.0 else []
+        words += ['+', _plain(self.offset)] if self.offset != 0.0 else []
         return ' '.join(filter(None, words))
+
+
+def _plain(number: float) -> str:
+    """Return a number as one writes it, from which it can be read back to the bit."""
+    short = f'{number:g}'
+    return short if float(short) == number else repr(number)
 
 
 def parse_address(text: str) -> Address:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import signal
+import time
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
@@ -11,7 +13,7 @@ from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.controller import Axis, ControllerNode
 from nadrc_ros.ros.topics import SEND
-from probe import Probe
+from probe import parameter_file, Probe, Processes
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -115,6 +117,38 @@ def test_an_element_that_another_axis_commands_is_refused(make_probe: Make) -> N
     fill = wired(wiring_fill=1.0, wiring_command='efforts std_msgs/Float64MultiArray data[0]')
     with pytest.raises(UserError, match='are one for all axes'):
         Axis(first, (), f'{probe.namespace}/x', node_name='third', parameters=fill)
+
+
+def test_p14_a_signal_sends_all_elements_to_their_safe_commands(
+    probe: Probe, start: Processes
+) -> None:
+    both = {
+        f'{start.namespace}/{name}/controller': wired(
+            wiring_measurement=f'{start.namespace}/joints sensor_msgs/JointState position[{k}]',
+            wiring_command=f'{start.namespace}/efforts std_msgs/Float64MultiArray data[{k}]',
+            safe_command=5.0 + k,
+            command_rate_limit=1000.0,
+        )
+        for k, name in enumerate(AXES)
+    }
+    file = parameter_file(start.directory / 'axes.yaml', both)
+    heard = listen(probe, Float64MultiArray, 'efforts')
+    send = probe.node.create_publisher(JointState, 'joints', SEND)
+    process = start.run(
+        *('axes', '-m', 'nadrc_ros.nodes.controller', '--axes', *AXES, '--ros-args'),
+        *('-r', f'__ns:={start.namespace}', '--params-file', str(file)),
+    )
+    safe = [5.0, 6.0, 7.0]
+
+    def moved() -> bool:
+        send.publish(joints(time.time_ns(), AXES, **dict.fromkeys(AXES, time.monotonic() % 10.0)))
+        return bool(heard) and all(now != then for now, then in zip(heard[-1].data, safe))
+
+    probe.wait_until(moved)
+    process.signal(signal.SIGINT)
+    assert probe.end_of(process) == 0, process.said
+    probe.wait_until(lambda: list(heard[-1].data) == safe)
+    assert 'Traceback' not in process.said
 
 
 class Joint:

@@ -118,7 +118,7 @@ def test_the_type_comes_from_the_graph_where_it_is_left_out(make_probe: Make) ->
     probe.wait_until(publisher.get_subscription_count)
     publisher.publish(joints(BEGIN, shoulder=3.0))
     probe.wait_until(lambda: node.controller.counts)
-    assert node.inputs[0].type == 'sensor_msgs/msg/JointState'
+    assert node.inputs[0].message_type == 'sensor_msgs/msg/JointState'
 
 
 def test_p14_a_signal_ends_a_node_that_waits_for_a_type(start: Processes, probe: Probe) -> None:
@@ -141,6 +141,8 @@ def test_who_is_missing_is_no_sample_and_is_told(make_probe: Make) -> None:
     level, _, values = probe.said()[-1]
     assert level >= WARN
     assert values['measurements_without_the_field'] == '3'
+    assert node._sample_ticker is not None
+    assert node._sample_ticker.missed == 0  # they were not lost
     feed(joints(BEGIN + 9 * MS, elbow=1.0))
     probe.wait_until(lambda: message not in probe.said()[-1][1])
 
@@ -308,7 +310,9 @@ def test_p16_who_commands_in_the_same_element_is_noticed(make_probe: Make) -> No
 
 def test_float64_stays_the_default(make_probe: Make) -> None:
     _, node = run(make_probe, CONTROL)
-    assert [each.type for each in node.inputs] == ['std_msgs/msg/Float64'] * len(node.inputs)
+    assert [each.message_type for each in node.inputs] == ['std_msgs/msg/Float64'] * len(
+        node.inputs
+    )
     assert type(node._command) is Sender
 
 
