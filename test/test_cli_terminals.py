@@ -133,6 +133,19 @@ def test_an_output_that_cannot_be_is_named_by_what_was_asked_for(where: str) -> 
         assert '.part' not in last and 'Errno' not in last
 
 
+def test_seconds_are_told_to_a_tenth_and_runs_in_full(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr('nadrc_ros.cli.progress._EVERY', 0.0)
+    with progress('s of the run', 9.0) as tell:
+        tell(2.94421, '')
+    with progress('runs', 2e6) as tell:
+        tell(1_234_567, '')
+    assert capsys.readouterr().err == (
+        'nadrc: 2.9 of 9 s of the run\nnadrc: 1234567 of 2000000 runs\n'
+    )
+
+
 def test_a_path_in_brackets_is_shown_while_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     text = StringIO()
     seen = Console(file=text, force_terminal=True, width=100)

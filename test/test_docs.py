@@ -16,7 +16,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import fault_fields, noise_fields
 from nadrc_ros.nodes.wiring import LoopSettings
 from nadrc_ros.ros.pacing import PacingSettings
-from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.wiring import build_wiring, SIGNALS, wiring_fields
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.plants import PaperPlant

@@ -142,6 +142,11 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
             r"faults\.measurement\[1\]\.kind = 'spick': must be one of none, silent",
         ),
         ('variance: 1e-4', 'varianze: 1', r'noise\.varianze: .* did you mean variance\?'),
+        (
+            'variance: 1e-4',
+            'signal: sine, varianze: 1',
+            r'noise\.varianze: .* frequency.*; of the random noise variance, sample_time$',
+        ),
         ('variance: 1e-4', 'variance: -1', r'noise\.variance = -1\.0: must be a finite number'),
         ('seed: 7', 'seed: -7', r'^seed = -7: must be an integer'),
         ('seed: 7', 'seed: 1.5', r'^seed = 1\.5: must be an integer'),

@@ -47,7 +47,7 @@ def _lines(what: str, total: Optional[float]) -> Iterator[Tell]:
         nonlocal last
         if monotonic() - last >= _EVERY:
             last = monotonic()
-            complain(f'{done:g} of {total:g} {what}' + (f', {note}' if note else ''))
+            complain(f'{round(done, 1):.9g} of {total:.9g} {what}' + (f', {note}' if note else ''))
 
     def tell_that_it_goes_on() -> None:
         while not over.wait(_EVERY):

@@ -13,7 +13,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.records.recording import topic_of
-from nadrc_ros.ros.signals import DISTURBANCE, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.topics import reference_topics
 from nadrc_ros.scenario import PLANT, Scenario, ScenarioError
 from nadrc_ros.scenario.parameter_files import controller_parameters, Parameters

@@ -15,7 +15,7 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
-from nadrc_ros.ros.signals import behind, DISTURBANCE, NOISE_SIGNAL, without
+from nadrc_ros.ros.signal_parameters import behind, DISTURBANCE, NOISE_SIGNAL, without
 from nadrc_ros.ros.topics import Info
 from nadrc_ros.scenario.specs import PLANT, PlantSpec
 from nadrc_ros.scenario.user_code import class_fields

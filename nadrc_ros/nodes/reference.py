@@ -11,7 +11,7 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
-from nadrc_ros.ros.signals import REFERENCE
+from nadrc_ros.ros.signal_parameters import REFERENCE
 from nadrc_ros.ros.topics import REFERENCE_TOPICS
 from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.protocols import Signal

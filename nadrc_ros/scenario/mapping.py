@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any, TypeVar
 
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared, refuse_unknown_keys
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.scenario import Scenario
@@ -159,7 +159,11 @@ def _noise(data: Any, seed: Any, base_dir: str | Path) -> tuple[Noise, SignalSpe
     random = {key: values.pop(key) for key in _RANDOM_NOISE if key in values}
     noise = build(Noise, random | {'seed': seed}, 'noise')
     if values.keys() & set(_SOURCES):
-        return noise, _spec(SignalSpec, values, 'noise', base_dir)
+        try:
+            return noise, _spec(SignalSpec, values, 'noise', base_dir)
+        except UnknownName as error:  # from a signal, which knows only its own keys
+            allowed = f'{error.allowed}; of the random noise {", ".join(_RANDOM_NOISE)}'
+            raise UnknownName(error.name, error.value, allowed) from None
     refuse_unknown_keys(values, (*_RANDOM_NOISE, *_SOURCES), 'noise')
     return noise, SignalSpec()
 
