@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import degrees
+import re
 from typing import Any
 
 import attrs
@@ -184,6 +185,8 @@ def test_the_advice_follows_the_disturbance() -> None:
         assert chosen == 'conventional' or share < WORTH
         named = {'nested_2': 'two nested', 'nested_3': 'three nested', 'conventional': 'one'}
         assert design.advice.startswith(f'Take {named[chosen]} observer')
+        crossing = re.findall(r'are better below ([\d.]+) rad/s only', design.advice)
+        assert len(crossing) == 1 and 10.0 < float(crossing[0]) < 25.0
 
 
 def test_each_candidate_that_is_not_taken_has_a_reason_of_its_own() -> None:
