@@ -53,24 +53,6 @@ class Literal:
         return self.law(self.profile, measurement, applied, dt)
 
 
-class Tracked:
-    """The law as it is."""
-
-    def __init__(self, settings: ControllerSettings) -> None:
-        self.law = Law(settings)
-
-    def __call__(
-        self, reference: list[float], measurement: float, applied: float, dt: float
-    ) -> float:
-        """Return the command."""
-        return self.law(reference, measurement, applied, dt)
-
-    @property
-    def profile(self) -> list[float]:
-        """Return the reference r1, r2 that the law follows."""
-        return list(self.law.state.profile)
-
-
 def measure(tell: Tell, jobs: int) -> Result:
     """Run C-ADRC without noise behind each differentiator, at each rate."""
     scenario = load(find_scenario(SCENARIO))
@@ -92,7 +74,7 @@ def measure(tell: Tell, jobs: int) -> Result:
 
 def _run(scenario: Scenario, rate: float, kind: str) -> tuple[Result, dict[str, list[float]]]:
     settings = scenario.controllers[CONTROLLER]
-    decide = Tracked(settings) if kind == 'fhan' else Literal(settings, kind == 'printed')
+    decide = Law(settings) if kind == 'fhan' else Literal(settings, kind == 'printed')
     profile = []
 
     def recorded(r: list[float], measurement: float, applied: float, dt: float) -> float:

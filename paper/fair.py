@@ -12,20 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
-from nadrc_ros.scenario import Scenario
-from paper.candidates import (
-    AIMS,
-    BUDGETS,
-    CANDIDATES,
-    designed,
-    load_designs,
-    load_scenario,
-    SCENARIO,
-)
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.scenario import load
+from nadrc_ros.simulation.experiment import Experiment
 from paper.drawing import (
     common_legend,
     CONVENTIONAL,
@@ -39,6 +33,12 @@ from paper.drawing import (
 from paper.runs import metrics_of, statistics, without_noise
 from paper.section import Finding, Findings, Result, Section, Tell
 
+# The tuned scenarios, by aim and budget, and the commands that made them.
+DESIGNS = Path(__file__).with_name('designs')
+# Integral of u^2 over the noisy run that a design may spend, on average over seeds.
+BUDGETS = (4.5, 8.0, 20.0, 100.0, 450.0)
+# What is least within the budget: the ITAE with noise, or the ITAE without.
+AIMS = ('noisy', 'clean')
 SEEDS, FEW_SEEDS = 32, 2
 # Of a design for the aim without noise, noisy runs tell the effort only.
 EFFORT_SEEDS = 8
@@ -53,6 +53,17 @@ CLEAN = (2.0, 12.0)
 SAME = 0.05
 MERITS = {'noisy': 'noisy_itae', 'clean': 'clean_itae'}
 GREEN, BLUE = '#004D40', '#56B4E9'
+LABELS = {
+    'conventional': 'C-ADRC',
+    'generalized': 'generalized, 2 extended states',
+    'nested_2': 'nested, 2 levels',
+    'nested_3': 'nested, 3 levels',
+    'nested_4': 'nested, 4 levels',
+    'printed': 'eq. (20) as printed',
+    'cascade_2': 'cascade, 2 levels',
+    'nonlinear_1': 'nonlinear, 1 level',
+    'nonlinear_2': 'nonlinear nested, 2 levels',
+}
 LOOKS: dict[str, dict[str, Any]] = {
     'conventional': {'color': CONVENTIONAL, 'marker': 'o'},
     'generalized': {'color': INK, 'marker': 's'},
@@ -68,41 +79,38 @@ LOOKS: dict[str, dict[str, Any]] = {
 
 def measure(tell: Tell, jobs: int, seeds: int = SEEDS) -> Result:
     """Run every committed design, without noise and with seeds of it: all, or some for effort."""
-    scenario, committed = load_scenario(), load_designs()
     counts = {'noisy': seeds, 'clean': min(seeds, EFFORT_SEEDS)}
-    found: dict[str, Any] = {}
-    for i, candidate in enumerate(CANDIDATES):
-        tell(i / len(CANDIDATES))
-        designs = committed[candidate.name]
-        found[candidate.name] = {
-            'label': candidate.label,
-            **{
-                aim: rows_of(scenario, candidate.name, designs[aim], range(counts[aim]), jobs)
-                for aim in AIMS
-            },
-        }
-    result = {'scenario': SCENARIO, 'seeds': counts, 'candidates': found}
+    found: dict[str, Any] = {name: {'label': label} for name, label in LABELS.items()}
+    for i, aim in enumerate(AIMS):
+        for j, budget in enumerate(BUDGETS):
+            tell((i * len(BUDGETS) + j) / (len(AIMS) * len(BUDGETS)))
+            scenario = load(design_file(aim, budget))
+            settings = [scenario.controllers[name] for name in LABELS]
+            rows = rows_of(scenario.experiment, settings, range(counts[aim]), jobs)
+            for name, row in zip(LABELS, rows):
+                found[name].setdefault(aim, []).append({'budget': budget, **row})
+    result = {'seeds': counts, 'candidates': found}
     return {**result, 'gains': gains(result)}
 
 
+def design_file(aim: str, budget: float) -> Path:
+    """Return the scenario whose observers were all tuned for an aim within a budget."""
+    return DESIGNS / f'{aim}_{budget:g}.yaml'
+
+
 def rows_of(
-    scenario: Scenario, name: str, designs: list[dict[str, Any]], seeds: range, jobs: int
+    experiment: Experiment, settings: Sequence[ControllerSettings], seeds: range, jobs: int
 ) -> list[dict[str, Any]]:
-    """Return what the designs of an observer, one for each budget, come to."""
-    experiment = scenario.experiment
-    settings = [designed(scenario, name, values) for values in designs]
-    unique = list(dict.fromkeys(settings))
-    clean = dict(zip(unique, metrics_of(without_noise(experiment), unique, [0], jobs)))
-    noisy = dict(zip(unique, metrics_of(experiment, unique, seeds, jobs)))
+    """Return what each controller comes to, with noise and without."""
+    clean = metrics_of(without_noise(experiment), settings, [0], jobs)
+    noisy = metrics_of(experiment, settings, seeds, jobs)
     return [
         {
-            'budget': budget,
-            'settings': values,
-            'noisy_itae': statistics([run.itae for run in noisy[one]]),
-            'noisy_isu': statistics([run.isu for run in noisy[one]]),
-            'clean_itae': clean[one][0].itae,
+            'noisy_itae': statistics([run.itae for run in runs]),
+            'noisy_isu': statistics([run.isu for run in runs]),
+            'clean_itae': quiet.itae,
         }
-        for budget, values, one in zip(BUDGETS, designs, settings)
+        for (quiet,), runs in zip(clean, noisy)
     ]
 
 

@@ -32,6 +32,11 @@ class Law:
         """Start the estimates at rest at a measurement, as the controller does."""
         start(self.design, measurement, 0.0, reference, self.state)
 
+    @property
+    def profile(self) -> list[float]:
+        """Return the reference r1, r2, ... that the law follows."""
+        return list(self.state.profile)
+
     def __call__(
         self, reference: list[float], measurement: float, applied: float, dt: float
     ) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 import attrs
 from matplotlib.figure import Figure
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.scenario import PlantSpec, SignalSpec
+from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.noise import Noise
 import numpy as np
@@ -76,15 +76,9 @@ def euler() -> Decide:
 
 def experiment(rate: float) -> Experiment:
     """Return the plant of eq. (26) with noise held for 10 ms, the same at every rate."""
-    return Experiment(
-        plant=PlantSpec(name='paper', values={'a3': 0.2}).make(),
-        reference=SignalSpec(name='cosine', values={'frequency': 0.5}).make(),
-        disturbance=SignalSpec(name='decaying_cosine').make(),
-        noise=Noise(variance=1e-4, sample_time=0.01, seed=1),
-        initial_state=(0.0, 0.0),
-        rate=rate,
-        duration=20.0,
-    )
+    noise = Noise(variance=1e-4, sample_time=0.01, seed=1)
+    plant_26 = load(find_scenario('paper_fair')).experiment
+    return attrs.evolve(plant_26, noise=noise, initial_state=(0.0, 0.0), rate=rate)
 
 
 def stability_limit(make: Callable[[], Decide]) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import attrs
 from matplotlib.figure import Figure
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.scenario import PlantSpec, SignalSpec
+from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.noise import Noise
 from paper.drawing import CONVENTIONAL, in_style, NESTED, panels, thinned
@@ -45,15 +45,8 @@ FACTOR = 10.0
 
 def experiment(initial_state: tuple[float, float]) -> Experiment:
     """Return the plant of eq. (26), without noise."""
-    return Experiment(
-        plant=PlantSpec(name='paper', values={'a3': 0.2}).make(),
-        reference=SignalSpec(name='cosine', values={'frequency': 0.5}).make(),
-        disturbance=SignalSpec(name='decaying_cosine').make(),
-        noise=Noise(),
-        initial_state=initial_state,
-        rate=1000.0,
-        duration=8.0,
-    )
+    plant_26 = load(find_scenario('paper_fair')).experiment
+    return attrs.evolve(plant_26, noise=Noise(), initial_state=initial_state, duration=8.0)
 
 
 def measure(tell: Tell, jobs: int) -> Result:

@@ -86,13 +86,15 @@ def test_a_verdict_turns_when_its_finding_does_not_hold(out: Path) -> None:
 
 
 def test_readme_and_docs_give_the_measured_worth_of_nesting(out: Path) -> None:
-    """The designs are committed, so that few seeds give it to the digits shown."""
+    """Of committed designs few seeds give the digits without noise, and nearly those with it."""
     (fair,) = (section for section in run.sections() if section.name == 'fair')
     found = fair.findings(json.loads((out / 'paper.json').read_text())['fair'])
-    times = found['times']
-    assert f'{times.least:.1f} to {times.most:.1f}' in (ROOT / 'README.md').read_text()
-    assert found['saved'].holds and found['saved'].low < 0.10 < found['saved'].high
-    assert 'about 10 %' in (ROOT / 'README.md').read_text()
+    times, saved = found['times'], found['saved']
+    for text in ((ROOT / 'README.md').read_text(), DOCS):
+        assert f'{times.least:.1f} to {times.most:.1f}' in text
+        shown = re.search(r'about (\d+) % in noisy tracking', text)
+        assert shown is not None
+        assert 100.0 * saved.least - 1.0 < float(shown[1]) < 100.0 * saved.most + 1.0
 
 
 def test_a_quick_look_says_so(page: str, out: Path) -> None:

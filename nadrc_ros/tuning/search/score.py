@@ -66,7 +66,8 @@ class Score:
     What is known of a design.
 
     ``figures`` over all seeds and ``first`` with the first seed, None where it was not run so far;
-    ``violations`` by constraint, logarithms of how far it is beyond, none for a feasible design.
+    ``violations`` by constraint: how far it is beyond, none for a feasible design. Of ratios that
+    is the logarithm, of the modulus the difference, of the delay what lacks [s].
     """
 
     figures: Figures | None = None
@@ -133,7 +134,13 @@ class Judge:
         return self._measured(settings, better)
 
     def theory(self, settings: ControllerSettings) -> dict[str, float]:
-        """Return how far beyond each constraint the loop with a chain of integrators is."""
+        """
+        Return how far beyond each constraint the loop with a chain of integrators is.
+
+        In place of the plant are n integrators of gain b0, which the law makes of any plant whose
+        total disturbance is cancelled; nonlinear parts are in their linear zones. Negative where
+        the constraint is kept.
+        """
         tuning, h = self.tuning, 1.0 / self.scenario.rate
         fastest = max(make_design(settings).bandwidths) * h
         if fastest > tuning.largest_wh * (1.0 + 1e-9):
