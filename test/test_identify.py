@@ -181,6 +181,7 @@ def test_noise_of_a_twentieth_of_the_range_of_the_command_is_what_a_design_may_c
     for advice in (quiet, noisy):
         wanted, chosen = advice.design.wanted, advice.design.chosen
         assert wanted.command_noise == 2.0 and wanted.command_limit == 10.0
+        assert wanted.reference_step == 2.0  # of the square
         assert chosen.prediction.command_noise <= 2.0
     assert noisy.design.chosen.prediction.command_noise > 1.9
     assert noisy.design.wanted.settling_time > 2.0 * quiet.design.wanted.settling_time
