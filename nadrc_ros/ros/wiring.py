@@ -19,26 +19,30 @@ from nadrc_ros.ros.stamps import SampleTimes
 from nadrc_ros.ros.topics import Info, Receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.ros.wires import make_wire, PREFIX, Wire
 from nadrc_ros.wiring.address import Address, AddressError, GRAMMAR, parse_address
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Signals by the topics that they have without a wiring.
 SIGNALS = {t: t.replace('/', '_') for t in ('measurement', *REFERENCE_TOPICS, 'command')}
 
 
-def _address(signal: str, direction: str) -> Any:
-    return text(
-        '', f'{direction} the {signal}: {GRAMMAR}; empty = the Float64 of its topic', live=False
-    )
+# Where several publishers tell parts of a machine, none may replace the last message of another.
+_PARTS = QoSProfile(depth=4, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def _address(signal: str) -> Any:
+    described = f'address of the {signal}: {GRAMMAR}; empty = the Float64 of its topic'
+    return text('', described, live=False)
 
 
 @attrs.frozen(kw_only=True)
 class WiringSettings:
     """Which fields of which messages the signals are, behind ``wiring.``; fixed at start."""
 
-    measurement: str = _address('measurement', 'what is')
-    reference: str = _address('reference', 'what is')
-    reference_rate: str = _address('derivative of the reference', 'what is')
-    reference_acceleration: str = _address('second derivative of the reference', 'what is')
-    command: str = _address('command', 'where goes')
+    measurement: str = _address('measurement')
+    reference: str = _address('reference')
+    reference_rate: str = _address('derivative of the reference')
+    reference_acceleration: str = _address('second derivative of the reference')
+    command: str = _address('command')
     stamp: str = choice(
         'header',
         ('header', 'source', 'receipt'),
@@ -148,6 +152,8 @@ class Wiring:
         """Have ``take`` called with each sample of a signal, of one publisher."""
         if wire := self.wires.get(topic):
             more |= {'wire': wire, 'join': self.exchange.join}
+            if wire.keyed:
+                more['qos'] = _PARTS
         self._node.add_input(topic, take, sole=True, **more)
 
     def add_output(self, topic: str, value: float) -> Sender:
@@ -162,6 +168,9 @@ class Wiring:
         """
         wire, settings = self.wires.get(topic), self._settings
         if wire is None:
+            if settings.frame_id:
+                allowed = 'left out: the command is a Float64, which has no header'
+                raise SettingError(f'{PREFIX}frame_id', settings.frame_id, allowed)
             return self._node.add_output(topic)
         return self.exchange.sender(self._node, wire, settings.fill, settings.frame_id, value)
 

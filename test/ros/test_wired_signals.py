@@ -7,6 +7,7 @@ from copy import deepcopy
 from math import cos, nan, sin
 import random
 import signal
+import time
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
@@ -89,6 +90,7 @@ REFUSED = [
     ),
     ({'wiring_command': 'x std_msgs/Float64MultiArray data[-1]'}, 'elements are [0]', 'command'),
     ({'wiring_frame_id': 'base'}, 'has no header', 'wiring.frame_id'),
+    ({'wiring_frame_id': 'base', 'wiring_command': ''}, 'wiring.frame_id', 'has no header'),
     ({'wiring_stamp': 'now'}, 'wiring.stamp', 'header, source, receipt'),
     ({'pacing': 'lockstep', 'steps': 9}, 'wiring.measurement', 'pacing: lockstep'),
     ({'wiring_comand': 'x y'}, 'wiring.comand', 'wiring.command'),
@@ -145,6 +147,21 @@ def test_who_is_missing_is_no_sample_and_is_told(make_probe: Make) -> None:
     assert node._sample_ticker.missed == 0  # they were not lost
     feed(joints(BEGIN + 9 * MS, elbow=1.0))
     probe.wait_until(lambda: message not in probe.said()[-1][1])
+
+
+def test_a_part_that_another_publisher_tells_does_not_replace_ours(make_probe: Make) -> None:
+    """Both come before the controller looks, as after a callback that took its time."""
+    probe, node = run(make_probe, wired())
+    feed = Feed(probe, node)
+    others = probe.node.create_publisher(JointState, 'joints', SEND)
+    probe.wait_until(others.get_subscription_count)
+    heard = node.inputs[0]
+    for k in range(20):
+        feed.publisher.publish(joints(BEGIN + 10 * k * MS, elbow=1.0))
+        others.publish(joints(BEGIN + 10 * k * MS, ('finger', 'thumb')))
+        time.sleep(0.01)
+        probe.wait_until(lambda: heard.absences == k + 1)  # noqa: B023
+        assert heard.count == k + 1
 
 
 def test_p24_no_bytes_of_a_message_enter_an_observer_or_end_a_node(make_probe: Make) -> None:
