@@ -183,7 +183,6 @@ class Diagnostics:
         level, message = self._node.remarks.added_to(level, message)
         if self._stands_still:
             level, message = ERROR, f'{message}; /clock stands still'
-        values = {**values, 'scheduling': self._node.scheduling}
         self._publisher.publish(_array(self._node, level, message, values))
 
     def _on_timer(self) -> None:
