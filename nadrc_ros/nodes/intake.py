@@ -55,6 +55,7 @@ class Intake:
         self.restart(0)
         self.wiring, self._home = WiringSettings(), ''
         self._topics = topics
+        self._stamped: set[str] = set()  # signals whose headers tell the time, also simulated
         self._wired: dict[str, Address | None] = dict.fromkeys(NEEDED)
         for name, topic in topics.items():
             node.add_input(topic, partial(self.take, name), qos=RECORD, **_watched(name))
@@ -90,6 +91,9 @@ class Intake:
             )
             self._node.inputs[place].skipped = self.losses[name].before
             self._departures.pop(name, None)
+            self._stamped.discard(name)
+            if wire is not None and wire.by_header:
+                self._stamped.add(name)
             self._wired[name] = address
         self._node.remarks.put('wiring', complaint, looks=_PATIENCE)
 
@@ -142,7 +146,7 @@ class Intake:
         """Return when a message of ``source`` left that came just now [ns]."""
         now = self.now()
         if self.simulated:
-            return now
+            return info['source_timestamp'] + self._stood if source in self._stamped else now
         if source not in self._departures:
             self._departures[source] = Departures(self._offset)
         departures = self._departures[source]

@@ -85,6 +85,8 @@ class LiveNode(Node):
         self.failure = ''
         self.scheduling = 'not asked for'
         self.inputs: list[Input] = []
+        # Topics of another node of the process that are ours too, each with a dot behind.
+        self.shared: set[str] = set()
         try:
             if arguments:
                 refuse_unheard(self, self.default_name, arguments, self.axes)
@@ -99,7 +101,8 @@ class LiveNode(Node):
                 self.lockstep = Lockstep(self, self.pacing, fire, start)
             refuse_unknown_types(self)
             self.set_up()
-            refuse_unknown(self, set(self.axes) - {self.get_namespace()})
+            spaces = set(self.axes) - {self.get_namespace()}
+            refuse_unknown(self, {f'{space}/' for space in spaces} | self.shared)
             self.begin()
             if not self.pacing.lockstep:
                 watch = InputWatch(self, self.inputs, self.remarks, self.pacing.period)

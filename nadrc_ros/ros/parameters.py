@@ -156,7 +156,7 @@ def refuse_unknown(node: Node, elsewhere: Iterable[str] = ()) -> None:
     Refuse a parameter that was given at start but that the node does not have.
 
     To be called when the topics are there, as each brings the parameters of its QoS. Those of
-    topics in the namespaces ``elsewhere`` are for other nodes of the process, and those of any
+    topics that begin as ``elsewhere`` says are of other nodes of the process, and those of any
     topic that ask for what is so anyway do no harm: a dump has them, with the names of its topics.
 
     Raises
@@ -165,7 +165,7 @@ def refuse_unknown(node: Node, elsewhere: Iterable[str] = ()) -> None:
         Names the parameter and the closest known one: a misspelt limit must not go unnoticed.
 
     """
-    passed = _FOREIGN[0], _FOREIGN[2], *(f'{_QOS}{space}/' for space in elsewhere)
+    passed = _FOREIGN[0], _FOREIGN[2], *(f'{_QOS}{begin}' for begin in elsewhere)
     for name, parameter in node._parameter_overrides.items():
         if node.has_parameter(name) or name.startswith(passed):
             continue

@@ -141,6 +141,8 @@ class Wiring:
             address = self._settings.address(name)
             if address is None:
                 continue
+            if first is not None:
+                node.shared.add(f'{node.resolve_topic_name(address.topic)}.')
             if node.pacing.lockstep:
                 allowed = 'left out with pacing: lockstep, which joins the nodes by Float64 topics'
                 raise SettingError(PREFIX + name, str(address), allowed)

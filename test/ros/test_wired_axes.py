@@ -151,6 +151,14 @@ def test_p14_a_signal_sends_all_elements_to_their_safe_commands(
     assert 'Traceback' not in process.said
 
 
+def test_axes_take_the_quality_of_service_of_a_topic_that_they_share(
+    make_probe: Make, namespace: str
+) -> None:
+    depth = f'qos_overrides.{namespace}/joints.subscription.depth'
+    _, nodes, _ = axes(make_probe, **{depth: 7})
+    assert nodes[0].inputs[0].qos.depth == 7
+
+
 class Joint:
     """A joint that integrates its command and a load; the law on Float64 sees the same of it."""
 

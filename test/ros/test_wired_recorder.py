@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 import time
 
@@ -10,11 +11,38 @@ from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.recording import read_samples
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from wired import joints, listen, Make, wired
 
 PERIOD = 20_000_000
+
+
+def test_in_simulated_time_rows_are_at_the_times_of_headers(
+    make_probe: Make, tmp_path: Path
+) -> None:
+    recorder = {'directory': str(tmp_path), 'inputs': 'reference measurement command'}
+    sim = {'use_sim_time': True}
+    probe = make_probe(parameters={'controller': wired(**sim), 'recorder': recorder | sim})
+    clock = probe.node.create_publisher(Clock, '/clock', 10)
+    send = probe.node.create_publisher(JointState, 'joints', 10)
+    node, controller = probe.add(RecorderNode()), probe.add(ControllerNode())
+    probe.wait_until(lambda: send.get_subscription_count() > 1)
+    probe.wait_until(lambda: controller._command.publisher.get_subscription_count() > 0)
+    for k in range(40):
+        now = 5_000_000_000 + k * PERIOD
+        clock.publish(Clock(clock=joints(now).header.stamp))
+        probe.wait_until(lambda: node.get_clock().now().nanoseconds == now)  # noqa: B023
+        late = 3_000_000 if k % 3 else 9_000_000  # until it is there
+        send.publish(joints(now - late, elbow=0.1 * k))
+        heard = node.intake.losses['measurement']
+        probe.wait_until(lambda: heard.newest > k)  # noqa: B023
+    node.close()
+    spans = [b - a for a, b in pairwise(read_samples(node.folder.path)['time'])]
+    assert len(spans) > 20
+    assert {round(1e3 * span, 6) for span in spans} <= {14.0, 20.0, 26.0}
+    assert len({round(1e3 * span, 6) for span in spans}) == 3
 
 
 @pytest.mark.parametrize('best_effort', [False, True])
