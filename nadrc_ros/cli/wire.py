@@ -36,6 +36,7 @@ def fields(
             return
         if topic is not None:
             raise typer.BadParameter('a topic of its own is for a bag', param_hint='topic')
+    with reporting():  # what is wrong on the graph names its topic by itself
         from nadrc_ros.ros.wire_check import fields_now
 
         kind, numbers = fields_now(where, wait)
@@ -66,14 +67,17 @@ def wire(
 
     Example: nadrc wire --check arm.yaml
     """
+    with reporting():
+        from nadrc_ros.ros.arguments import parameters_in
+
+        in_the_file = parameters_in(str(check))
     with reporting(str(check)):
         from nadrc_ros.adrc.errors import UserError
-        from nadrc_ros.ros.arguments import parameters_in
         from nadrc_ros.ros.wire_check import check_wiring
 
         nodes = {
             key: values
-            for key, values in parameters_in(str(check)).items()
+            for key, values in in_the_file.items()
             if key.endswith(('/controller', '/*', '/**'))
             or any(name.startswith('wiring.') for name in values)
         }

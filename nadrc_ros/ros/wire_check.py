@@ -10,6 +10,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import refuse_unknown_keys
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.graph import publishers, readers
 from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
@@ -20,9 +21,10 @@ from nadrc_ros.ros.wires import (
     members_of,
     message_class,
     missing_type,
+    PREFIX,
     type_on_graph,
 )
-from nadrc_ros.ros.wiring import build_wiring, SIGNALS, WiringSettings
+from nadrc_ros.ros.wiring import build_wiring, SIGNALS, wiring_fields, WiringSettings
 from nadrc_ros.wiring.address import Address, parse_path
 from nadrc_ros.wiring.layout import Malformed
 from nadrc_ros.wiring.listing import numbers_in
@@ -95,7 +97,7 @@ def fields_now(topic: str, wait: float) -> tuple[str, list[tuple[str, float]]]:
 
     """
     with _node('nadrc_fields') as (node, executor):
-        kind = type_on_graph(node, 'nadrc fields', topic, wait)
+        kind = type_on_graph(node, topic, topic, wait)
         try:
             message = message_class(kind)
         except LookupError:
@@ -122,9 +124,11 @@ def check_wiring(parameters: Mapping[str, Any], namespace: str, seconds: float) 
     Raises
     ------
     SettingError
-        For an address that is none.
+        For an address that is none, or a key of a wiring that there is not.
 
     """
+    wiring = {name: value for name, value in parameters.items() if name.startswith(PREFIX)}
+    refuse_unknown_keys(wiring, wiring_fields())
     settings = build_wiring(parameters)
     simulated = {'use_sim_time': parameters.get('use_sim_time', False)}
     with _node('nadrc_wire', namespace, simulated) as (node, executor):
