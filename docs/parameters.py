@@ -8,6 +8,7 @@ from typing import Any
 
 from nadrc_ros.adrc import ControllerSettings
 from nadrc_ros.adrc.fields import Declared, declared
+from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant import (
     fault_fields,
     noise_fields,
@@ -15,7 +16,6 @@ from nadrc_ros.nodes.plant import (
 )
 from nadrc_ros.nodes.recorder import RecorderSettings
 from nadrc_ros.nodes.reference import ReferenceSettings
-from nadrc_ros.nodes.wiring import LoopSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.wiring import wiring_fields

@@ -14,17 +14,12 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
+from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
 from nadrc_ros.nodes.doubts import Doubts
+from nadrc_ros.nodes.estimates import Estimates
+from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
-from nadrc_ros.nodes.wiring import (
-    axes_asked,
-    axes_parser,
-    axis_namespace,
-    Estimates,
-    LoopSettings,
-    refuse_unequal,
-)
 from nadrc_ros.records.trace import TraceWriter
 from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
 from nadrc_ros.ros.graph import OutputWatch

@@ -20,10 +20,10 @@ from nadrc_ros.demo.loop_parameters import (
     recorder_parameters,
 )
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
-from nadrc_ros.nodes.wiring import LoopSettings
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.runtime import init_ros, make_executor, private_domain
 from nadrc_ros.scenario import Scenario

@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-from nadrc_ros.nodes.wiring import axis_namespace
+from nadrc_ros.nodes.axes import axis_namespace
 from nadrc_ros.ros.runtime import LOCKED_UP
 from probe import NodeProcess, parameter_file, Probe, Processes
 import pytest
