@@ -40,7 +40,6 @@ NUMBERS = {
     'bool': '?',
 }
 HEADER = 4
-LONGEST_STRING = 1 << 20
 _FIXED = re.compile(r'(.+)\[(\d+)\]')
 _SEQUENCE = re.compile(r'sequence<([^,>]+(?:<\d+>)?)(?:, *\d+)?>')
 _STRING = re.compile(r'string(?:<\d+>)?')
