@@ -55,6 +55,7 @@ REFUSED = [
     ('', 'TOPIC [TYPE] FIELD'),
     ('/j', 'TOPIC [TYPE] FIELD'),
     ('/j sensor_msgs/JointState', 'no field of sensor_msgs/msg/JointState'),
+    ('/j.position[1]', 'did you mean /j position[1]?'),
     ('/j! data', 'no name of a topic'),
     ('/j//k data', 'no name of a topic'),
     ('/j/ data', 'no name of a topic'),

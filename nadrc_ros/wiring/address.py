@@ -110,7 +110,11 @@ def parse_address(text: str) -> Address:
     """
     words = text.split()
     if len(words) < 2:
-        raise AddressError(text, f'an address is {GRAMMAR}')
+        topic, dot, field = text.strip().partition('.')
+        meant = (
+            f'did you mean {topic} {field}? ' if dot and field else ''
+        )  # as other tools have it
+        raise AddressError(text, f'{meant}an address is {GRAMMAR}')
     topic, rest = words[0], words[1:]
     if not _TOPIC.fullmatch(topic):
         raise AddressError(text, f'{topic} is no name of a topic')
