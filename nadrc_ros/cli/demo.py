@@ -66,8 +66,11 @@ def demo(
             runs = _in_lockstep(scenario, out)
         else:
             runs = _in_real_time(scenario, out, keep_open)
+        recorded = {name: _recorded(scenario, name, run.folder) for name, run in runs.items()}
+        for name, run in recorded.items():
+            _warn_if_lost(name, run)
         _print_table(path.stem, scenario, runs)
-        _write_picture(out / 'demo.png', path.stem, scenario, runs)
+        _write_picture(out / 'demo.png', path.stem, scenario, recorded)
         _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
         typer.echo(f'picture {out / "demo.png"}, figures {out / "summary.json"}')
         typer.echo(
@@ -145,12 +148,20 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
     print_columns(title_of(name, scenario), list(runs), rows)
 
 
-def _write_picture(path: Path, name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+def _warn_if_lost(name: str, run: 'RecordedRun') -> None:
+    for event in run.events:
+        if event.kind == 'diverged':
+            when = '' if event.time is None else f' at {event.time:.4g} s'
+            complain(f'{name}: the plant diverged{when}; the figures are of the time before')
+
+
+def _write_picture(
+    path: Path, name: str, scenario: 'Scenario', recorded: 'dict[str, RecordedRun]'
+) -> None:
     from nadrc_ros.atomic import write_whole
     from nadrc_ros.report.marks import numbered, title_of
     from nadrc_ros.report.picture import draw, render
 
-    recorded = {run: _recorded(scenario, run, result.folder) for run, result in runs.items()}
     marks = numbered({run: result.changes for run, result in recorded.items()})
     figure = draw(recorded, title_of(name, scenario), [each.mark() for each in marks])
     write_whole(path, render(figure, 'png'))

@@ -103,3 +103,36 @@ def test_interrupted_a_demo_ends_with_130_and_leaves_nobody(
     assert process.end() == 130
     assert 'Traceback' not in process.said
     probe.wait_until(lambda: not children_in(out))
+
+
+RUNAWAY = """
+class Runaway:
+    order = states = 1
+    b0 = 1.0
+
+    def derivative(self, t, x, u, w, dx):
+        dx[0] = 1.0 + u + 1e4 * x[0] * x[0] * x[0]
+
+    def output(self, x):
+        return x[0]
+"""
+
+
+def test_figures_of_a_plant_that_diverged_are_said_to_be_of_the_time_before(
+    start: Processes,
+) -> None:
+    (start.directory / 'runaway.py').write_text(RUNAWAY)
+    file = start.directory / 'lost.yaml'
+    file.write_text(
+        'plant: {file: runaway.py}\nreference: constant\nrate: 100\nduration: 0.5\n'
+        'limits: {command_min: -0.1, command_max: 0.1}\ncontrollers: {one: {}}\n'
+    )
+    out = str(start.directory / 'out')
+    process = start.run(
+        'demo', '-m', 'nadrc_ros.cli', 'demo', str(file), '--lockstep', '--out', out
+    )
+    assert process.end(120.0) == 0, process.said
+    assert re.search(
+        r'nadrc: one: the plant diverged at 0\.\d+ s; the figures are of the time before',
+        process.said,
+    )
