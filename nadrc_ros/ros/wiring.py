@@ -28,6 +28,9 @@ SIGNALS = {t: t.replace('/', '_') for t in ('measurement', *REFERENCE_TOPICS, 'c
 # Where several publishers tell parts of a machine, none may replace the last message of another.
 _PARTS = QoSProfile(depth=4, reliability=ReliabilityPolicy.BEST_EFFORT)
 
+# Headers are from the future for so many seconds until it is said.
+_LOOKS = 3
+
 
 def _address(signal: str) -> Any:
     described = f'address of the {signal}: {GRAMMAR}; empty = the Float64 of its topic'
@@ -135,6 +138,7 @@ class Wiring:
         self.wires: dict[str, Wire] = {}
         self.stamp = 0
         self._node = node
+        self._times, self._from_future = SampleTimes(0.0), 0
         self._settings = ParameterGroup(node, wiring_fields(), build_wiring).value
         self._simulated = bool(node.get_parameter('use_sim_time').value)
         for topic, name in SIGNALS.items():
@@ -188,12 +192,13 @@ class Wiring:
     def sample_times(self, period: float) -> SampleTimes:
         """Return what tells the times of measurements, by their headers where these count."""
         by_header = self._by_header
-        return SampleTimes(
+        self._times = SampleTimes(
             period,
             stamped=by_header or not self._simulated,
             wall=self.now if by_header else time.time_ns,
             numbered=not by_header,
         )
+        return self._times
 
     def answer(self, info: Info | None, held: bool = False) -> None:
         """Note which sample is answered next, none unless the command of the last is ``held``."""
@@ -213,14 +218,20 @@ class Wiring:
         return wire is not None and wire.by_header
 
     def _look(self) -> None:
-        """Remark once that a measurement has no stamp."""
+        """Remark what the headers of a measurement are like."""
         wire = self.wires.get('measurement')
-        if wire is not None and wire.unstamped:
-            text = (
-                f'{wire.name}: the header of {wire.address.topic} has no stamp, and the time at '
-                'which the message was sent is taken'
-            )
-            self._node.remarks.put('unstamped', text, OK)
+        if wire is None or not wire.by_header:
+            return
+        who = f'{wire.name}: the header of {wire.address.topic}'
+        text = f'{who} has no stamp, and the time at which the message was sent is taken'
+        self._node.remarks.put('unstamped', text if wire.unstamped else '', OK)
+        before, self._from_future = self._from_future, self._times.from_future
+        text = (
+            f'{who} is stamped by a clock that is ahead of ours, and the time at which the '
+            'message came is taken: set the clocks, or wiring.stamp: source'
+        )
+        ahead = self._from_future > before
+        self._node.remarks.put('ahead', text if ahead else '', looks=_LOOKS)
 
     def report(self) -> dict[str, object]:
         """Return what /diagnostics has of the wired signals."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import deepcopy
 from math import cos, nan, sin
 import random
@@ -27,7 +26,6 @@ from probe import Probe, Processes
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, UInt8
 from wired import (
@@ -181,71 +179,6 @@ def test_p24_no_bytes_of_a_message_enter_an_observer_or_end_a_node(make_probe: M
     assert node.controller.state.levels == before
     feed(joints(BEGIN + 40 * MS, elbow=1.0))
     assert sum(n for status, n in taken.items() if status < Status.NO_MEASUREMENT) == 4
-
-
-def commands_of(make: Make, late: Callable[[int], int], **parameters: Any) -> list[float]:
-    """Return the commands for 60 samples, the k-th of which is sent ``late(k)`` periods later."""
-    probe, node = run(make, wired(**parameters))
-    heard = listen(probe, Float64MultiArray, 'efforts')
-    feed = Feed(probe, node)
-    probe.wait_until(lambda: node._command.has_readers)
-    for k in range(60):
-        probe.spin(0.01 * late(k))
-        feed(joints(BEGIN + 10 * k * MS, elbow=0.01 * k))
-        probe.wait_until(lambda: len(heard) > k)  # noqa: B023
-    probe.close()
-    return [message.data[1] for message in heard]
-
-
-def test_p09_what_transport_delays_changes_no_command(make_probe: Make) -> None:
-    dice = random.Random(2)
-    delays = [dice.randint(1, 3) if dice.random() < 0.3 else 0 for _ in range(60)]
-    assert commands_of(make_probe, lambda k: 0) == commands_of(make_probe, delays.__getitem__)
-
-
-def test_p09_an_older_or_equal_header_is_no_new_sample(make_probe: Make) -> None:
-    probe, node = run(make_probe, wired(rate=100.0))
-    feed = Feed(probe, node)
-    spans = []
-    for at in (0, 10, 10, 30, 20, 40, -500, -490):
-        feed(joints(BEGIN + at * MS, elbow=1.0))
-        spans.append(round(node._times.spacing, 3))
-    assert node._times.out_of_order == 2
-    assert spans[:6] == [0.0, 0.01, 0.01, 0.02, 0.02, 0.01]
-    assert node._times.clock_jumps >= 1  # half a second back is another clock
-    assert spans[7] == 0.01
-
-
-@pytest.mark.parametrize(('stamp', 'told'), [('header', True), ('source', False)])
-def test_a_header_that_is_not_stamped_is_told_once(
-    make_probe: Make, stamp: str, told: bool, capfd: pytest.CaptureFixture[str]
-) -> None:
-    probe, node = run(make_probe, wired(wiring_stamp=stamp))
-    feed = Feed(probe, node)
-    for _ in range(5):
-        feed(joints(0, elbow=1.0))
-    probe.wait_until(lambda: len(probe.said()) > 2)
-    said = ''
-    probe.wait_until(lambda: len(probe.said()) > 3)
-    said += capfd.readouterr().err
-    assert said.count('has no stamp') == told
-    assert node._times.out_of_order == 0 and node._times.spacing > 0.0
-
-
-def test_with_headers_the_law_sees_simulated_time(make_probe: Make) -> None:
-    parameters = {'controller': wired(use_sim_time=True)}
-    probe = make_probe(parameters=parameters)
-    clock = probe.node.create_publisher(Clock, '/clock', 10)
-    node = probe.add(ControllerNode())
-    feed = Feed(probe, node)
-    for k in range(4):
-        now = 5000 + 20 * k
-        clock.publish(Clock(clock=joints(now * MS).header.stamp))
-        probe.wait_until(lambda: node.get_clock().now().nanoseconds == now * MS)  # noqa: B023
-        feed(joints((now - 3) * MS, elbow=1.0))
-    assert node._times.spacing == pytest.approx(0.02)
-    assert node._times.clock_jumps == node._times.from_future == 0
-    assert 0.002 < node.latencies.summary()['latency_median_ms'] < 4.0
 
 
 def test_a_reference_in_the_same_message_counts_for_the_step_it_triggers(make_probe: Make) -> None:
