@@ -149,6 +149,10 @@ def test_who_is_not_there_is_no_sample_and_named() -> None:
     elbow = reader('position[name=elbow]')
     assert elbow.read(joints(shoulder=1.0, wrist=2.0)) is None
     assert str(elbow.absent) == 'elbow is not among shoulder, wrist'
+    names: Any = {'\n': 1.0} | {f'joint_{k}' * 20: 1.0 for k in range(500)}
+    many = joints(**names)
+    assert elbow.read(many) is None and len(str(elbow.absent)) < 1500
+    assert str(elbow.absent).endswith(' and 481 more') and '\n' not in str(elbow.absent)
     assert elbow.read(joints()) is None
     assert str(elbow.absent) == 'elbow is not among none'
     assert elbow.read(joints(elbow=1.0)) == 1.0
@@ -239,6 +243,9 @@ def test_the_yaw_of_ten_turns_is_above_minus_pi_and_at_most_pi() -> None:
 def test_the_stamp_of_a_header_is_told_where_there_is_one_that_is_set() -> None:
     for order in '<>':
         assert reader('position[0]').stamp(joints(order, a=1.0)) == 3_000_000_005
+    odd = {'stamp': {'sec': 2**31 - 1, 'nanosec': 2**32 - 1}, 'frame_id': ''}
+    filled: dict[str, Any] = {key: [] for key in JOINTS.members if key != 'header'}
+    assert reader('position[0]').stamp(serialised(JOINTS, filled | {'header': odd})) is None
     unset = {'stamp': {'sec': 0, 'nanosec': 0}, 'frame_id': ''}
     empty: dict[str, Any] = {key: [] for key in JOINTS.members if key != 'header'}
     assert reader('position[0]').stamp(serialised(JOINTS, empty | {'header': unset})) is None

@@ -32,6 +32,8 @@ _SECOND = 1e9
 _REGULAR = ('measurement', 'output', 'command')
 # What a controller is wired to is there after so many looks at the graph, as a rule.
 _PATIENCE = 20
+# A header in simulated time may be as old as that when it comes [ns]; an older one is no time.
+_LATE = 1_000_000_000
 
 
 class Intake:
@@ -146,7 +148,8 @@ class Intake:
         """Return when a message of ``source`` left that came just now [ns]."""
         now = self.now()
         if self.simulated:
-            return info['source_timestamp'] + self._stood if source in self._stamped else now
+            stamp: int = info['source_timestamp'] + self._stood
+            return stamp if source in self._stamped and 0 <= now - stamp <= _LATE else now
         if source not in self._departures:
             self._departures[source] = Departures(self._offset)
         departures = self._departures[source]

@@ -210,7 +210,7 @@ class InputWatch:
             remedy = f'-p qos_overrides.{each.topic}.subscription.reliability:=best_effort'
             return f'{names} publishes it as best effort, heard only with {remedy}', WARN
         if each.absent:
-            return each.absent, WARN
+            return str(each.absent), WARN
         return f'{names} publishes it, and sends nothing', each.silence
 
     def _like(self, each: Input, silence: _Silence) -> str:

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.ros.wires import FLOAT64, Wire
+from nadrc_ros.wiring.reader import Absent
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -66,7 +67,7 @@ class Input:
     sole: bool  # whether there should be one publisher only
     message_type: str = FLOAT64
     count: int = 0
-    absent: str = ''  # what the last message did not have that came without the number
+    absent: Absent | None = None  # what the last message did not have that came without the number
     absences: int = 0  # how many came so
     skipped: Callable[[int | None], object] = lambda number: None  # called with its number
     subscription: Any = None
@@ -207,7 +208,7 @@ def _taker(heard: Input, wire: Wire, callback: Receive) -> Take:
         value = read(data)
         if value is None:
             heard.absences += 1
-            heard.absent = str(reader.absent)
+            heard.absent = reader.absent
             heard.skipped(info['publication_sequence_number'])
             return
         heard.count += 1

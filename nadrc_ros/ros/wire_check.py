@@ -174,7 +174,7 @@ def _judge(node: Node, heard: Heard, topic: str, wired: bool) -> None:
     elif heard.wrong:
         return
     elif heard.source is not None and heard.source.absent:
-        heard.wrong = heard.source.absent
+        heard.wrong = str(heard.source.absent)
     elif heard.signal == 'command':
         if not heard.who:
             heard.who, heard.taken = [each for each in readers(node, full) if each != own], True

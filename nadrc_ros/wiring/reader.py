@@ -33,6 +33,7 @@ from nadrc_ros.wiring.layout import (
 ROTATION = 0.9, 1.1
 # Byte 1 of the encapsulation header: plain CDR, big and little endian.
 ORDERS = {0: '>', 1: '<'}
+_SECOND = 1_000_000_000
 _STAMP = {'>': Struct('>iI'), '<': Struct('<iI')}
 
 
@@ -58,6 +59,8 @@ def _upper(angle: float) -> float:
 ANGLES: dict[str, Callable[..., float]] = {'roll': _roll, 'pitch': _pitch, 'yaw': _yaw}
 QUATERNION = ['x', 'y', 'z', 'w']
 _KEPT = 4
+# Anybody may send names: so many of them are shown, and so much of each.
+_SHOWN, _LONGEST = 20, 60
 
 
 class Absent(NamedTuple):
@@ -67,7 +70,12 @@ class Absent(NamedTuple):
     there: tuple[str, ...]
 
     def __str__(self) -> str:
-        return f'{self.wanted} is not among {", ".join(self.there) or "none"}'
+        shown = [name if name.isprintable() else repr(name) for name in self.there[:_SHOWN]]
+        more = len(self.there) - len(shown)
+        names = ', '.join(name[:_LONGEST] for name in shown) + (
+            f' and {more} more' if more else ''
+        )
+        return f'{self.wanted} is not among {names or "none"}'
 
 
 class Way(NamedTuple):
@@ -180,11 +188,13 @@ class Reader:
         return way.at, way.number
 
     def stamp(self, data: bytes) -> int | None:
-        """Return the time in the header [ns], None where there is none or it is not set."""
+        """Return the time in the header [ns], None where it has none, or one that is no time."""
         if not self.has_header or len(data) < HEADER + 8 or data[1] not in ORDERS:
             return None
         seconds, nanoseconds = _STAMP[ORDERS[data[1]]].unpack_from(data, HEADER)
-        return (seconds * 1_000_000_000 + nanoseconds) or None
+        if nanoseconds >= _SECOND:
+            return None
+        return (seconds * _SECOND + nanoseconds) or None
 
     def _locate(self, data: bytes) -> Way:
         """Find where the number is, and what that depends on."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 import random
 import time
 from typing import Any
 
+from geometry_msgs.msg import TwistStamped
 from nadrc_ros.nodes.controller import ControllerNode
 import pytest
 from rosgraph_msgs.msg import Clock
@@ -109,3 +111,20 @@ def test_with_headers_the_law_sees_simulated_time(make_probe: Make) -> None:
     assert node._times.spacing == pytest.approx(0.02)
     assert node._times.clock_jumps == node._times.from_future == 0
     assert 0.002 < node.latencies.summary()['latency_median_ms'] < 4.0
+
+
+def test_p24_no_time_in_a_header_ends_a_node_that_sends_it_back(make_probe: Make) -> None:
+    command = 'cmd_vel geometry_msgs/TwistStamped twist.angular.z'
+    probe, node = run(make_probe, wired(wiring_command=command, rate=100.0))
+    heard = listen(probe, TwistStamped, 'cmd_vel')
+    feed = Feed(probe, node)
+    extremes = (-(2**31), 2**31 - 1, 0, 1), (0, 1, 999_999_999, 10**9, 2**32 - 1)
+    for sec, nanosec in product(*extremes):
+        message = joints(0, elbow=1.0)
+        message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+        feed(message)
+    for k in range(5):
+        feed(joints(time.time_ns(), elbow=1.0 + 0.1 * k))
+        probe.spin(0.01)
+    assert 0.0 < node._times.spacing < 1.0
+    assert heard and not node.failure
