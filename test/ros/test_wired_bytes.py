@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import inf, isfinite, isnan, nan
 import random
 import struct
 from typing import Any
@@ -11,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.nodes.controller import ControllerNode
-from nadrc_ros.ros.wires import members_of, message_class
+from nadrc_ros.ros.exchange import Exchange
+from nadrc_ros.ros.wires import make_wire, members_of, message_class
 from nadrc_ros.wiring.address import parse_address
 from nadrc_ros.wiring.layout import layout_of
 from nadrc_ros.wiring.reader import Reader
+from probe import Probe
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from wired import Make, wired
@@ -116,3 +118,33 @@ def test_p24_what_is_no_message_is_counted_and_leaves_the_state_to_the_bit(
 def bits(state: Any) -> bytes:
     flat = [x for level in state.levels for x in level]
     return struct.pack(f'{len(flat)}d', *flat)
+
+
+OUT = [
+    *('Float32 data', 'Int8 data', 'UInt16 data', 'Int64 data', 'UInt64 data', 'Bool data'),
+    *('Byte data', 'Char data', 'Int16MultiArray data[2]', 'ByteMultiArray data[1]'),
+    *('Float32MultiArray data[1]', 'Float64MultiArray data[1]'),
+]
+VALUES = (0.0, -0.0, 1.0, 127.5, -1e19, 1e19, 2.0**63, 5e-324, 1e308, -1e308, inf, -inf, nan)
+
+
+@pytest.mark.parametrize('scale', ['', ' * -1e-300', ' * 3 + 1e308'])
+@pytest.mark.parametrize('field', OUT)
+def test_p02_p03_whatever_is_sent_the_number_in_the_message_is_one_of_its_type(
+    field: str, scale: str, probe: Probe
+) -> None:
+    address = parse_address(f'out std_msgs/{field}{scale}')
+    wire = make_wire(probe.node, 'command', address, 'header', 0.0)
+    sender: Any = Exchange().sender(probe.node, wire, 0.0, '', 1.0)
+    plain = Reader(parse_address(f'out {field.split()[1]}'), address.message_type, members_of)
+    for value in VALUES:
+        before = bytes(sender._message._data)
+        sender.send(value)
+        data = bytes(sender._message._data)
+        deserialize_message(data, wire.kind)
+        number = plain.read(data)
+        assert number is not None and isfinite(number)
+        if isnan(value):
+            assert data == before
+        elif not scale and abs(value) < 100.0:
+            assert abs(number - value) <= 0.5
