@@ -207,7 +207,6 @@ def main(names: Iterable[str] = PLANTS, seeds: int = SEEDS, **where: Any) -> Non
     for (name, order), answers in found.items():
         own = figures(PLANTS[name], answers).items()
         rows.setdefault(name, {}).update({f'{order}_{key}': value for key, value in own})
-    save('identify', rows, samples, **where)
     for order in ORDERS:
         table = {
             name: {key: row[f'{order}_{key}'] for key in ('answers', 'held', 'width', 'bias')}
@@ -226,6 +225,7 @@ def main(names: Iterable[str] = PLANTS, seeds: int = SEEDS, **where: Any) -> Non
             if said := refusals(found[name, order]):
                 print(f'{name}: refused {said}')
         print()
+    save('identify', rows, samples, **where)
 
 
 if __name__ == '__main__':

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import json
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,15 @@ def save(
     document: dict[str, Any] = {}
     if path.exists():
         document = json.loads(path.read_text(encoding='utf-8'))
-    document[part] = figures
+    document[part] = _without_nan(figures)
     write_json(path, document)
+
+
+def _without_nan(figures: Any) -> Any:
+    """Return figures with null where there is none: of a plant that nobody answered for."""
+    if isinstance(figures, Mapping):
+        return {key: _without_nan(value) for key, value in figures.items()}
+    return None if isinstance(figures, float) and not isfinite(figures) else figures
 
 
 def show(title: str, rows: Mapping[str, Figures], footnote: str) -> None:

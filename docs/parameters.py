@@ -18,7 +18,7 @@ from nadrc_ros.nodes.recorder import RecorderSettings
 from nadrc_ros.nodes.reference import ReferenceSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
-from nadrc_ros.ros.wiring import wiring_fields
+from nadrc_ros.ros.wiring_parameters import wiring_fields
 from nadrc_ros.simulation.plants import PLANTS
 
 PAGE = Path(__file__).with_name('parameters.md')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import nan
 from pathlib import Path
 import shutil
 from typing import Any
@@ -25,12 +26,12 @@ def written(part: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def test_a_part_replaces_its_own_figures_only(tmp_path: Path) -> None:
     results.save('a', {'x': 1.0}, {'x': [1.0, 1.0]}, tmp_path)
-    results.save('b', {'y': 2.0}, {'y': [2.0]}, tmp_path)
+    results.save('b', {'y': 2.0, 'none': {'y': nan}}, {'y': [2.0]}, tmp_path)
     results.save('a', {'z': 3.0}, {'z': [3.0, 3.0, 3.0]}, tmp_path)
     figures, samples = written('a', tmp_path)
     assert figures == {'z': 3.0}
     assert list(samples) == ['z'] and samples['z'].tolist() == [3.0, 3.0, 3.0]
-    assert written('b', tmp_path)[0] == {'y': 2.0}
+    assert written('b', tmp_path)[0] == {'y': 2.0, 'none': {'y': None}}
 
 
 def test_step_times_every_call_of_every_contestant(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant import fault_fields, noise_fields
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
-from nadrc_ros.ros.wiring import build_wiring, SIGNALS, wiring_fields
+from nadrc_ros.ros.wiring_parameters import build_wiring, SIGNALS, wiring_fields
 from nadrc_ros.scenario.mapping import from_mapping
 from nadrc_ros.simulation.plants import PaperPlant
 from nadrc_ros.tuning.design.limits import check

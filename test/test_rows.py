@@ -9,7 +9,7 @@ import random
 
 from hypothesis import given
 from hypothesis import strategies as st
-from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.adrc.settings import HIGHEST
 from nadrc_ros.records import source
 from nadrc_ros.records.figures import Figures
 from nadrc_ros.records.recording import RunSettings
@@ -312,7 +312,7 @@ def test_the_peak_counts_the_row_of_the_settle_time_though_it_comes_a_little_ear
 
 
 def test_a_rate_makes_every_row_a_period_as_in_the_simulation() -> None:
-    settings = RunSettings(rate=300.0, command_max=LARGEST - 1.0)
+    settings = RunSettings(rate=300.0, command_max=HIGHEST - 1.0)
     found, same = Figures(settings), Metrics(float('inf'))
     for k in range(100):
         found.add(

@@ -13,7 +13,7 @@ from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import (
     ControllerSettings,
     FASTEST,
-    LARGEST,
+    HIGHEST,
     LEAST,
     LONGEST,
     SLOWEST,
@@ -104,26 +104,26 @@ def positive(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(low, high) | st.sampled_from([low, high, (low * high) ** 0.5])
 
 
-SIGNED = st.floats(-LARGEST, LARGEST) | st.sampled_from([0.0, LEAST, -LARGEST, LARGEST])
+SIGNED = st.floats(-HIGHEST, HIGHEST) | st.sampled_from([0.0, LEAST, -HIGHEST, HIGHEST])
 NUMBERS = st.fixed_dictionaries(
     {
         'plant_order': st.integers(1, 5),
         'structure': st.sampled_from(sorted(STRUCTURES)),
         'extended_states': st.integers(1, 5),
         'levels': st.integers(1, 6),
-        'b0': positive(LEAST, LARGEST),
+        'b0': positive(LEAST, HIGHEST),
         'inner_bandwidth': positive(SLOWEST, FASTEST),
         'outer_bandwidth': positive(SLOWEST, FASTEST),
         'controller_bandwidth': positive(SLOWEST, FASTEST),
         'feedback': st.sampled_from(['linear', 'fal']),
-        'eso_delta': positive(LEAST, LARGEST),
-        'fal_delta': positive(LEAST, LARGEST),
+        'eso_delta': positive(LEAST, HIGHEST),
+        'fal_delta': positive(LEAST, HIGHEST),
         'tracking_acceleration': st.sampled_from([0.0, 1e24]) | positive(LEAST, 1e24),
         'max_dt': st.just(LONGEST),
         'measurement_timeout': st.just(0.0),
         'error_based': st.booleans(),
-        'command_min': st.sampled_from([-LARGEST, -1.0]),
-        'command_max': st.sampled_from([LARGEST, 1.0]),
+        'command_min': st.sampled_from([-HIGHEST, -1.0]),
+        'command_max': st.sampled_from([HIGHEST, 1.0]),
     }
 )
 SAMPLES = st.lists(st.tuples(SIGNED, SIGNED, positive(1e-9, LONGEST)), min_size=2, max_size=20)

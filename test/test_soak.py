@@ -10,7 +10,7 @@ from typing import Any
 
 from law_helpers import Chain, INF, NAN, varied_settings
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.adrc.state import State
 from nadrc_ros.adrc.status import Mode, Status
 import pytest
@@ -103,7 +103,7 @@ def objects() -> int:
 
 def bounded(state: State) -> bool:
     rows = [*state.levels, state.profile, state.offset, state.startup]
-    return all(abs(x) < LARGEST for row in rows for x in row)
+    return all(abs(x) < HIGHEST for row in rows for x in row)
 
 
 @pytest.mark.parametrize('case', CASES)

@@ -10,7 +10,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.limiter import clamp
 from nadrc_ros.adrc.sample import Sample
-from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 from nadrc_ros.adrc.state import blank_state, disturbance_estimate, output_estimate
 from nadrc_ros.adrc.status import Cause, Mode, MODE_OK, NO_MEASUREMENT, RESTARTED, SAFE, Status
 from nadrc_ros.adrc.supervisor import PolicyState
@@ -111,7 +111,7 @@ class Controller:
             elapsed = dt
         if not elapsed > 0.0:
             elapsed = 0.0
-        if applied is None or not SMALLEST <= applied <= LARGEST:
+        if applied is None or not LOWEST <= applied <= HIGHEST:
             applied = self.command
         ages = self._ages
         for i in range(1, len(ages)):
@@ -256,13 +256,13 @@ class Controller:
         """Keep a received reference with its known derivatives; refuse nonsense, count it."""
         bad = False
         for value in reference:
-            if value is not None and not SMALLEST <= value <= LARGEST:
+            if value is not None and not LOWEST <= value <= HIGHEST:
                 bad = True
         if bad:
             self.counts[Status.BAD_REFERENCE] += 1
         given = min(self._received, len(reference))
         r = reference[0] if given else None
-        if r is None or not SMALLEST <= r <= LARGEST:
+        if r is None or not LOWEST <= r <= HIGHEST:
             return False
         if not self.design.reference_min <= r <= self.design.reference_max:
             self.counts[Status.BAD_REFERENCE] += 1
@@ -271,7 +271,7 @@ class Controller:
         self.refused_reference = nan
         for i in range(len(self.reference)):
             value = reference[i] if i < given else 0.0
-            if value is not None and SMALLEST <= value <= LARGEST:
+            if value is not None and LOWEST <= value <= HIGHEST:
                 self.reference[i] = value
                 self._ages[i] = 0.0
         return True

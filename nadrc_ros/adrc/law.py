@@ -17,7 +17,7 @@ from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.limiter import clamp, limit
 from nadrc_ros.adrc.observer import update
-from nadrc_ros.adrc.settings import LARGEST, SMALLEST
+from nadrc_ros.adrc.settings import HIGHEST, LOWEST
 from nadrc_ros.adrc.state import copy_state, copy_vector, match_command, raw_command, rest, State
 from nadrc_ros.adrc.status import BAD_REFERENCE, BAD_TIME_STEP, NO_MEASUREMENT, RESTARTED
 
@@ -68,9 +68,9 @@ def step(
         return _refuse(design, state, applied, out, NO_MEASUREMENT)
     if not dt >= _SHORTEST_STEP:
         return _refuse(design, state, applied, out, BAD_TIME_STEP)
-    if not SMALLEST <= applied <= LARGEST:
+    if not LOWEST <= applied <= HIGHEST:
         applied = design.safe_command
-    if not SMALLEST <= reference[0] <= LARGEST:
+    if not LOWEST <= reference[0] <= HIGHEST:
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     if design.error_based and not _usable(reference):  # no sum below would show it
         return _refuse(design, state, applied, out, BAD_REFERENCE)
@@ -164,7 +164,7 @@ def _restart(
 def _usable(reference: Vector) -> bool:
     usable = True
     for value in reference:
-        usable = usable and SMALLEST <= value <= LARGEST
+        usable = usable and LOWEST <= value <= HIGHEST
     return usable
 
 

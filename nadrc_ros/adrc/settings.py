@@ -14,9 +14,9 @@ MAX_LEVELS = 6
 # multiplies, powers of bandwidths among them, stay far from 1e308 and from 0.
 # Of every signal, in any unit. What is larger counts as no number at all: the observers forget it
 # in ln(1e15) / (w h) samples, which is as long as one wrong sample may last.
-LARGEST = 1e15
-SMALLEST = -LARGEST
-# Of positive numbers that something is divided by: one over it is within LARGEST.
+HIGHEST = 1e15
+LOWEST = -HIGHEST
+# Of positive numbers that something is divided by: one over it is within HIGHEST.
 LEAST = 1e-15
 # Of bandwidths and frequencies [rad/s]: the tenth power of either is a float.
 SLOWEST, FASTEST = 1e-9, 1e6
@@ -24,14 +24,14 @@ SLOWEST, FASTEST = 1e-9, 1e6
 LONGEST = 1e9
 # Of rates [Hz]: a million periods are within LONGEST, and one is 10,000 steps of a clock in ns.
 SLOWEST_RATE, FASTEST_RATE = 1e-3, 1e5
-# Of gains and slopes: a signal within LARGEST changes so fast in the shortest step of time, 1 ns.
+# Of gains and slopes: a signal within HIGHEST changes so fast in the shortest step of time, 1 ns.
 STEEPEST = 1e24
 # How many derivatives of the reference have a topic: the rate and the acceleration.
 REFERENCE_DERIVATIVES = 2
 
 
 def _signal(default: float, unit: str, description: str, **more: bool) -> Any:
-    return number(default, SMALLEST, LARGEST, unit, description, **more)
+    return number(default, LOWEST, HIGHEST, unit, description, **more)
 
 
 def _bandwidth(default: float, description: str) -> Any:
@@ -110,7 +110,7 @@ class ControllerSettings:
     eso_delta: float = number(
         0.01,
         LEAST,
-        LARGEST,
+        HIGHEST,
         'output unit',
         'innovation up to which the nonlinear structure is the nested one; ignored by the others',
     )
@@ -135,7 +135,7 @@ class ControllerSettings:
         'exponents alpha_1..alpha_n of fal; one entry for all; 1 = linear',
     )
     fal_delta: float = number(
-        0.01, LEAST, LARGEST, 'of the state error', 'half-width of the linear zone of fal'
+        0.01, LEAST, HIGHEST, 'of the state error', 'half-width of the linear zone of fal'
     )
     feedback_level: str = choice(
         'inner',
@@ -169,20 +169,20 @@ class ControllerSettings:
         0.0, 'command unit', 'command when there is nothing to control with; inside the limits'
     )
     measurement_min: float = _signal(
-        SMALLEST,
+        LOWEST,
         'output unit',
         'lowest value that the sensor can give; a measurement below counts as none',
     )
     measurement_max: float = _signal(
-        LARGEST,
+        HIGHEST,
         'output unit',
         'highest value that the sensor can give; a measurement above counts as none',
     )
     reference_min: float = _signal(
-        SMALLEST, 'reference unit', 'lowest reference that is taken; one below counts as none'
+        LOWEST, 'reference unit', 'lowest reference that is taken; one below counts as none'
     )
     reference_max: float = _signal(
-        LARGEST, 'reference unit', 'highest reference that is taken; one above counts as none'
+        HIGHEST, 'reference unit', 'highest reference that is taken; one above counts as none'
     )
     measurement_timeout: float = _seconds(
         0.25, 'silence of valid measurements that starts the fault action; 0 = off'

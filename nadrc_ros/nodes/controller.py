@@ -20,7 +20,7 @@ from nadrc_ros.nodes.estimates import Estimates
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
-from nadrc_ros.records.trace import TraceWriter
+from nadrc_ros.records.step_trace import TraceWriter
 from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
 from nadrc_ros.ros.graph import OutputWatch
 from nadrc_ros.ros.node import LiveNode
@@ -28,7 +28,7 @@ from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import BAD_START, run
 from nadrc_ros.ros.topics import Info, reference_topics
-from nadrc_ros.ros.wiring import Wiring
+from nadrc_ros.ros.wiring_parameters import Wiring
 from std_srvs.srv import SetBool
 
 Reference = Sequence[float | None]

@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
-from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
+from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
 from nadrc_ros.ros.diagnostics import ERROR, OK, Report, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer, Ticker
@@ -55,8 +55,8 @@ class PlantSettings:
     plant_class: str = text('', 'class in that file, where it has several', live=False)
     initial_state: tuple[float, ...] = numbers(
         (0.0,),
-        SMALLEST,
-        LARGEST,
+        LOWEST,
+        HIGHEST,
         '',
         'x(0): one entry for all states, or one for each',
         live=False,
@@ -75,7 +75,7 @@ class PlantSettings:
         'silence of commands that makes the plant use safe_command; 0 = off',
     )
     safe_command: float = number(
-        0.0, SMALLEST, LARGEST, 'command unit', 'command the plant uses while none comes'
+        0.0, LOWEST, HIGHEST, 'command unit', 'command the plant uses while none comes'
     )
 
 

@@ -17,7 +17,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import declared, number, text
 from nadrc_ros.adrc.settings import LONGEST
-from nadrc_ros.nodes.intake import Intake
+from nadrc_ros.nodes.recorder_intake import Intake
 from nadrc_ros.records.figures import Figures, summary
 from nadrc_ros.records.history import (
     about_limits,

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
-from nadrc_ros.adrc.settings import ControllerSettings, LARGEST, SMALLEST
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 from nadrc_ros.atomic import write_json
 from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.simulation.plants import PLANTS
@@ -119,7 +119,7 @@ class History:
         low, high = told.pop() if len(told) == 1 and not changed else (None, None)
         if not (isinstance(low, float) and isinstance(high, float)):
             return None
-        return None if (low, high) == (SMALLEST, LARGEST) else (low, high)
+        return None if (low, high) == (LOWEST, HIGHEST) else (low, high)
 
 
 def about_limits(values: Mapping[str, Any]) -> Values:

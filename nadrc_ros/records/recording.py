@@ -13,7 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, declared, number
-from nadrc_ros.adrc.settings import LARGEST, LONGEST, SMALLEST
+from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
 from nadrc_ros.atomic import write_json
 
 SETTINGS = 'run.json'
@@ -48,17 +48,17 @@ class FigureSettings:
         live=False,
     )
     command_min: float = number(
-        SMALLEST,
-        SMALLEST,
-        LARGEST,
+        LOWEST,
+        LOWEST,
+        HIGHEST,
         'command unit',
         'lower limit, for the saturated fraction; with neither, those of the controller',
         live=False,
     )
     command_max: float = number(
-        LARGEST,
-        SMALLEST,
-        LARGEST,
+        HIGHEST,
+        LOWEST,
+        HIGHEST,
         'command unit',
         'upper limit, for the saturated fraction; with neither, those of the controller',
         live=False,
@@ -75,7 +75,7 @@ class FigureSettings:
     @property
     def knows_limits(self) -> bool:
         """Tell whether a limit of the command is known."""
-        return (self.command_min, self.command_max) != (SMALLEST, LARGEST)
+        return (self.command_min, self.command_max) != (LOWEST, HIGHEST)
 
 
 @attrs.frozen(kw_only=True)
@@ -207,8 +207,8 @@ def _read(folder: Path) -> tuple[dict[str, list[float]], bool]:
                 row = []
             if len(row) != len(names):
                 raise RecordingError(f'{SAMPLES}, line {place}: not {len(names)} numbers')
-            for column, number in zip(columns, row):
-                column.append(number)
+            for column, sample in zip(columns, row):
+                column.append(sample)
     return dict(zip(names, columns)), False
 
 

@@ -24,7 +24,7 @@ from nadrc_ros.ros.wires import (
     PREFIX,
     type_on_graph,
 )
-from nadrc_ros.ros.wiring import build_wiring, SIGNALS, wiring_fields, WiringSettings
+from nadrc_ros.ros.wiring_parameters import build_wiring, SIGNALS, wiring_fields, WiringSettings
 from nadrc_ros.wiring.address import Address, parse_path
 from nadrc_ros.wiring.layout import Malformed
 from nadrc_ros.wiring.listing import numbers_in

@@ -13,7 +13,7 @@ from zlib import error
 
 import attrs
 from nadrc_ros.adrc.errors import did_you_mean, UserError
-from nadrc_ros.adrc.settings import LARGEST
+from nadrc_ros.adrc.settings import HIGHEST
 from nadrc_ros.scenario.csv_dialect import (
     decoded,
     Dialect,
@@ -163,7 +163,7 @@ class CsvFile(Dialect):
         else:
             with np.errstate(over='ignore'):
                 stamps = scale * self._numbers(name, cells, lines)
-        bad = np.flatnonzero(~(np.abs(stamps) <= LARGEST))
+        bad = np.flatnonzero(~(np.abs(stamps) <= HIGHEST))
         if bad.size:
             raise UserError(f'line {lines[bad[0]]}: {name} = {cells[bad[0]]!r} is no time')
         return stamps

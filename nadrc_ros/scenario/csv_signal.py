@@ -12,7 +12,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, number, text
-from nadrc_ros.adrc.settings import LARGEST, LONGEST
+from nadrc_ros.adrc.settings import HIGHEST, LONGEST
 from nadrc_ros.scenario.csv_file import open_csv
 from nadrc_ros.scenario.user_code import ScenarioError
 from nadrc_ros.simulation.signals import Table
@@ -67,11 +67,11 @@ def _table(path: str, changed: int, size: int, wanted: CsvColumn) -> Table:
     there = ~np.isnan(values)  # an empty cell is nan
     if not there.any():
         raise UserError(f'{wanted.column}: there is no number in it')
-    large = np.flatnonzero(np.abs(values) > LARGEST)
+    large = np.flatnonzero(np.abs(values) > HIGHEST)
     if large.size:
         raise UserError(
             f'line {series.lines[large[0]]}: {wanted.column} = {values[large[0]]:g} must be '
-            f'within +-{LARGEST:g}'
+            f'within +-{HIGHEST:g}'
         )
     near = np.flatnonzero(np.diff(series.time) < _SHORTEST_STEP)
     if near.size:

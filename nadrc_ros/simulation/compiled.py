@@ -23,7 +23,7 @@ from typing import Any
 
 from nadrc_ros.adrc import law, observer, transfer
 from nadrc_ros.adrc.sample import Sample
-from nadrc_ros.adrc.settings import LARGEST, REFERENCE_DERIVATIVES, SMALLEST
+from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate, rest, start
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
@@ -116,7 +116,7 @@ def compiled_loop(
             # with its line, what compiled is a silent nan.
             usable = design.reference_min <= r[0] <= design.reference_max
             for i in range(len(r)):
-                usable = usable and SMALLEST <= r[i] <= LARGEST
+                usable = usable and LOWEST <= r[i] <= HIGHEST
             if not usable:
                 break
             for i in range(len(reference)):

@@ -15,7 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import attrs
 from nadrc_ros.adrc.fields import choice, number
-from nadrc_ros.adrc.settings import FASTEST, LARGEST, LONGEST, SMALLEST
+from nadrc_ros.adrc.settings import FASTEST, HIGHEST, LONGEST, LOWEST
 import numpy as np
 
 _NEVER = 2**62
@@ -167,7 +167,7 @@ class Fault:
     """When a fault acts, and how much."""
 
     size: float = number(
-        1.0, SMALLEST, LARGEST, '', 'how much, in the unit that its kind asks for', nonzero=True
+        1.0, LOWEST, HIGHEST, '', 'how much, in the unit that its kind asks for', nonzero=True
     )
     start: float = number(
         0.0, 0.0, LONGEST, 's', 'when it begins, from the start of the run or its last change on'

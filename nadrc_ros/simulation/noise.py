@@ -12,7 +12,7 @@ from math import inf, sqrt
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import integer, number
-from nadrc_ros.adrc.settings import LARGEST, LONGEST
+from nadrc_ros.adrc.settings import HIGHEST, LONGEST
 import numpy as np
 import numpy.typing as npt
 
@@ -25,7 +25,7 @@ _CHUNK = 65536
 class Noise:
     """What the noise is like; the same settings give the same bits on every machine."""
 
-    variance: float = number(0.0, 0.0, LARGEST**2, 'unit of y squared', 'variance of the noise')
+    variance: float = number(0.0, 0.0, HIGHEST**2, 'unit of y squared', 'variance of the noise')
     sample_time: float = number(
         0.0,
         0.0,

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import attrs
 from nadrc_ros.adrc.fields import integer, number, Registry
-from nadrc_ros.adrc.settings import FASTEST, LARGEST, LEAST, SMALLEST
+from nadrc_ros.adrc.settings import FASTEST, HIGHEST, LEAST, LOWEST
 from nadrc_ros.simulation.protocols import MAX_ORDER, MutableVector, Plant, Vector
 
 
@@ -38,9 +38,9 @@ class PaperPlant(_Output):
     b0: ClassVar[float] = 1.0
 
     a1: float = number(
-        0.2, SMALLEST, LARGEST, '1/s^2', 'stiffness a1 of eq. (26), positive is unstable'
+        0.2, LOWEST, HIGHEST, '1/s^2', 'stiffness a1 of eq. (26), positive is unstable'
     )
-    a2: float = number(0.1, SMALLEST, LARGEST, '1/s^2', 'gain a2 of sin(x2) in eq. (26)')
+    a2: float = number(0.1, LOWEST, HIGHEST, '1/s^2', 'gain a2 of sin(x2) in eq. (26)')
     # From 1 on the input gain would change its sign.
     a3: float = number(0.2, -0.9, 0.9, '', 'gain variation a3 of eq. (26), not given in the paper')
 
@@ -59,11 +59,9 @@ class Chain(_Output):
     """
 
     order: int = integer(2, 1, MAX_ORDER, 'number of integrators n', live=False)
-    gain: float = number(
-        1.0, SMALLEST, LARGEST, '', 'input gain, also the nominal b0', nonzero=True
-    )
+    gain: float = number(1.0, LOWEST, HIGHEST, '', 'input gain, also the nominal b0', nonzero=True)
     damping: float = number(0.0, -FASTEST, FASTEST, '1/s', 'damping of the highest state')
-    load: float = number(0.0, SMALLEST, LARGEST, '', 'constant load, in units of y^(n)')
+    load: float = number(0.0, LOWEST, HIGHEST, '', 'constant load, in units of y^(n)')
 
     @property
     def states(self) -> int:
@@ -101,20 +99,20 @@ class DcMotor(_Output):
     a loaded 24 V motor: 16 A stall current, 1 ms electrical and 12 ms mechanical time constant.
     """
 
-    resistance: float = number(1.5, LEAST, LARGEST, 'Ohm', 'armature resistance R')
-    inductance: float = number(1.5e-3, LEAST, LARGEST, 'H', 'armature inductance L')
+    resistance: float = number(1.5, LEAST, HIGHEST, 'Ohm', 'armature resistance R')
+    inductance: float = number(1.5e-3, LEAST, HIGHEST, 'H', 'armature inductance L')
     torque_constant: float = number(
-        0.05, LEAST, LARGEST, 'N m/A', 'torque and back-emf constant K'
+        0.05, LEAST, HIGHEST, 'N m/A', 'torque and back-emf constant K'
     )
-    inertia: float = number(2e-5, LEAST, LARGEST, 'kg m^2', 'inertia J of rotor and load')
-    viscous: float = number(1e-5, 0.0, LARGEST, 'N m s/rad', 'viscous friction')
-    coulomb: float = number(5e-3, 0.0, LARGEST, 'N m', 'Coulomb friction torque')
-    static: float = number(8e-3, 0.0, LARGEST, 'N m', 'friction torque near standstill')
+    inertia: float = number(2e-5, LEAST, HIGHEST, 'kg m^2', 'inertia J of rotor and load')
+    viscous: float = number(1e-5, 0.0, HIGHEST, 'N m s/rad', 'viscous friction')
+    coulomb: float = number(5e-3, 0.0, HIGHEST, 'N m', 'Coulomb friction torque')
+    static: float = number(8e-3, 0.0, HIGHEST, 'N m', 'friction torque near standstill')
     stribeck_speed: float = number(
-        5.0, LEAST, LARGEST, 'rad/s', 'speed at which static turns Coulomb'
+        5.0, LEAST, HIGHEST, 'rad/s', 'speed at which static turns Coulomb'
     )
-    smoothing_speed: float = number(1.0, LEAST, LARGEST, 'rad/s', 'half width of the smooth sign')
-    load_torque: float = number(0.0, SMALLEST, LARGEST, 'N m', 'constant load torque')
+    smoothing_speed: float = number(1.0, LEAST, HIGHEST, 'rad/s', 'half width of the smooth sign')
+    load_torque: float = number(0.0, LOWEST, HIGHEST, 'N m', 'constant load torque')
 
     @property
     def b0(self) -> float:
@@ -165,10 +163,10 @@ class Pendulum(_Output):
     order: ClassVar[int] = 2
     states: ClassVar[int] = 2
 
-    mass: float = number(1.0, LEAST, LARGEST, 'kg', 'mass m at the tip')
-    length: float = number(0.5, LEAST, LARGEST, 'm', 'length l of the rod')
-    friction: float = number(0.05, 0.0, LARGEST, 'N m s/rad', 'viscous friction of the bearing')
-    gravity: float = number(9.81, 0.0, LARGEST, 'm/s^2', 'gravity g')
+    mass: float = number(1.0, LEAST, HIGHEST, 'kg', 'mass m at the tip')
+    length: float = number(0.5, LEAST, HIGHEST, 'm', 'length l of the rod')
+    friction: float = number(0.05, 0.0, HIGHEST, 'N m s/rad', 'viscous friction of the bearing')
+    gravity: float = number(9.81, 0.0, HIGHEST, 'm/s^2', 'gravity g')
 
     @property
     def b0(self) -> float:
@@ -200,11 +198,11 @@ class Thermal(_Output):
     order: ClassVar[int] = 1
     states: ClassVar[int] = 2
 
-    power: float = number(500.0, LEAST, LARGEST, 'W', 'heat flow at u = 100 %')
-    capacity: float = number(1500.0, LEAST, LARGEST, 'J/K', 'heat capacity')
-    loss: float = number(2.5, 0.0, LARGEST, 'W/K', 'heat flow to the surroundings per difference')
-    ambient: float = number(20.0, SMALLEST, LARGEST, 'degC', 'temperature of the surroundings')
-    heater_lag: float = number(8.0, LEAST, LARGEST, 's', 'time constant of the heater')
+    power: float = number(500.0, LEAST, HIGHEST, 'W', 'heat flow at u = 100 %')
+    capacity: float = number(1500.0, LEAST, HIGHEST, 'J/K', 'heat capacity')
+    loss: float = number(2.5, 0.0, HIGHEST, 'W/K', 'heat flow to the surroundings per difference')
+    ambient: float = number(20.0, LOWEST, HIGHEST, 'degC', 'temperature of the surroundings')
+    heater_lag: float = number(8.0, LEAST, HIGHEST, 's', 'time constant of the heater')
 
     @property
     def b0(self) -> float:

@@ -24,14 +24,14 @@ from nadrc_ros.adrc.fields import (
     refuse_unknown_keys,
     Registry,
 )
-from nadrc_ros.adrc.settings import FASTEST, LARGEST, LEAST, LONGEST, SMALLEST, STEEPEST
+from nadrc_ros.adrc.settings import FASTEST, HIGHEST, LEAST, LONGEST, LOWEST, STEEPEST
 from nadrc_ros.simulation.protocols import MutableVector, Signal
 
 
 @attrs.frozen(kw_only=True)
 class _Level:
     offset: float = number(
-        0.0, SMALLEST, LARGEST, '', 'constant part, and the value before start_time'
+        0.0, LOWEST, HIGHEST, '', 'constant part, and the value before start_time'
     )
 
 
@@ -45,7 +45,7 @@ class _Change(_Level):
 @attrs.frozen(kw_only=True)
 class _Move(_Change):
     amplitude: float = number(
-        1.0, SMALLEST, LARGEST, '', 'size of the changing part (of the move, for a trapezoid)'
+        1.0, LOWEST, HIGHEST, '', 'size of the changing part (of the move, for a trapezoid)'
     )
 
 
@@ -112,9 +112,9 @@ class Trapezoid(_Move):
     the acceleration.
     """
 
-    velocity: float = number(1.0, LEAST, LARGEST, '1/s', 'largest speed of the move')
+    velocity: float = number(1.0, LEAST, HIGHEST, '1/s', 'largest speed of the move')
     acceleration: float = number(
-        1.0, LEAST, LARGEST, '1/s^2', 'acceleration and deceleration of the move'
+        1.0, LEAST, HIGHEST, '1/s^2', 'acceleration and deceleration of the move'
     )
 
     def derivatives(self, t: float, out: MutableVector) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.records.trace import replay
+from nadrc_ros.records.step_trace import replay
 from probe import Probe, Processes
 
 RATE = 200.0

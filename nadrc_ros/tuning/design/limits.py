@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
-from nadrc_ros.adrc.settings import ControllerSettings, LARGEST
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.theory.delayed import command_variance, delayed_loop, Loop
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import Margins, margins
@@ -30,7 +30,7 @@ from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Req
 _SLOWEST_RATIO, _USUAL_RATIO, _FASTEST_RATIO = 3.0, 5.0, 10.0
 _DELAY_SHARE = 0.5  # of the delay that the loop bears without it, which a known one may use up
 _DEVIATIONS = 3.0  # of the command, that fit into its limits
-_LARGEST_STEP = 1e-3 * LARGEST  # what overshoots it is a number of a sensor still
+_LARGEST_STEP = 1e-3 * HIGHEST  # what overshoots it is a number of a sensor still
 # Points of a margin that only decides, and what is asked for more than a tuning, with its own
 # points, asks for.
 _COARSE_POINTS, _MODULUS = 300, 1.02 * LEAST_MODULUS

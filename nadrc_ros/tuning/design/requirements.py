@@ -8,12 +8,12 @@ from nadrc_ros.adrc.fields import choice, flag, integer, number
 from nadrc_ros.adrc.settings import (
     FASTEST,
     FASTEST_RATE,
-    LARGEST,
+    HIGHEST,
     LEAST,
     LONGEST,
+    LOWEST,
     MAX_LEVELS,
     SLOWEST_RATE,
-    SMALLEST,
 )
 from nadrc_ros.adrc.structures import STRUCTURES
 
@@ -45,7 +45,7 @@ class Requirements:
 
     order: int = integer(2, 1, 5, 'order n of the plant: y^(n) = b0 u + total disturbance')
     b0: float = number(
-        1.0, SMALLEST, LARGEST, 'y^(n) per unit command', 'input gain of the plant', nonzero=True
+        1.0, LOWEST, HIGHEST, 'y^(n) per unit command', 'input gain of the plant', nonzero=True
     )
     settling_time: float = number(
         1.0,
@@ -56,12 +56,12 @@ class Requirements:
     )
     rate: float = number(200.0, SLOWEST_RATE, FASTEST_RATE, 'Hz', 'control periods per second')
     noise_std: float = number(
-        0.0, 0.0, LARGEST, 'output unit', 'standard deviation of the measurement noise, one sample'
+        0.0, 0.0, HIGHEST, 'output unit', 'standard deviation of the measurement noise, one sample'
     )
     command_noise: float = number(
         0.0,
         0.0,
-        LARGEST,
+        HIGHEST,
         'command unit',
         'largest standard deviation of the command that the noise may cause; 0 = no such limit',
     )
@@ -71,7 +71,7 @@ class Requirements:
     disturbance: float = number(
         0.0,
         0.0,
-        LARGEST,
+        HIGHEST,
         'unit of y^(n)',
         'size of the disturbance to expect; 0 = what a tenth of command_limit cancels',
     )
@@ -80,13 +80,13 @@ class Requirements:
     )
     reference_step: float = number(
         0.0,
-        SMALLEST,
-        LARGEST,
+        LOWEST,
+        HIGHEST,
         'output unit',
         'step of the reference; 0 = one that asks for half of command_limit',
     )
     command_limit: float = number(
-        100.0, LEAST, LARGEST, 'command unit', 'largest command, of either sign'
+        100.0, LEAST, HIGHEST, 'command unit', 'largest command, of either sign'
     )
     one_sided: bool = flag(False, 'the command is never negative, as that of a heater')
     structure: str = choice(

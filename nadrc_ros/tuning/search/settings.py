@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number
-from nadrc_ros.adrc.settings import LARGEST, LONGEST
+from nadrc_ros.adrc.settings import HIGHEST, LONGEST
 from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 
 OBJECTIVES = ('itae', 'iae', 'ise', 'itse', 'rmse', 'max_error', 'peak_error')
@@ -72,7 +72,7 @@ class TuneSettings:
     budget: float = number(
         0.0,
         0.0,
-        LARGEST**2 * LONGEST,
+        HIGHEST**2 * LONGEST,
         '',
         'largest ISU; 0 = the whole front of objective against ISU',
     )
@@ -97,7 +97,7 @@ class TuneSettings:
     delay_margin: float = number(LEAST_DELAY, 0.0, 1e6, 'periods', 'least delay that destabilises')
     largest_wh: float = number(LARGEST_W_H, 1e-6, 10.0, '', 'largest bandwidth times period')
     peak: float = number(
-        0.0, 0.0, LARGEST, 'command unit', 'largest |command|; 0 = that of the limits alone'
+        0.0, 0.0, HIGHEST, 'command unit', 'largest |command|; 0 = that of the limits alone'
     )
     vary: dict[str, Any] = attrs.field(factory=dict, converter=_pairs, validator=_check_pairs)
     plant: dict[str, Range] = attrs.field(factory=dict, converter=_pairs, validator=_check_pairs)

@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, text
-from nadrc_ros.adrc.settings import LARGEST, SMALLEST
+from nadrc_ros.adrc.settings import HIGHEST, LOWEST
 from nadrc_ros.ros.diagnostics import OK
 from nadrc_ros.ros.exchange import Exchange
 from nadrc_ros.ros.node import LiveNode
@@ -56,8 +56,8 @@ class WiringSettings:
     frame_id: str = text('', 'frame_id in the header of a wired command', live=False)
     fill: float = number(
         0.0,
-        SMALLEST,
-        LARGEST,
+        LOWEST,
+        HIGHEST,
         'message unit',
         'elements of the array of a wired command that no axis of the process has',
         live=False,

@@ -9,7 +9,7 @@ import attrs
 from law_helpers import Chain
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.records.trace import replay, TraceWriter
+from nadrc_ros.records.step_trace import replay, TraceWriter
 
 H = 0.01
 

@@ -19,7 +19,7 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.stamps import Departures, Losses, Offset
 from nadrc_ros.ros.topics import Info, receive, RECORD
 from nadrc_ros.ros.wires import make_wire, Wire
-from nadrc_ros.ros.wiring import build_wiring, WiringSettings
+from nadrc_ros.ros.wiring_parameters import build_wiring, WiringSettings
 from nadrc_ros.wiring.address import Address
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
