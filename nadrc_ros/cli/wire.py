@@ -16,7 +16,7 @@ def fields(
     topic: Annotated[
         Optional[str], typer.Argument(help='The topic in a bag; by default all of them.')
     ] = None,
-    wait: Annotated[float, typer.Option(min=0.1, help='Longest wait for a message [s].')] = 5.0,
+    wait: Annotated[float, typer.Option(min=0.1, help='Longest wait for a message \\[s].')] = 5.0,
 ) -> None:
     """
     List every number in the messages of a topic, as an address with its present value.
@@ -57,7 +57,7 @@ def wire(
     namespace: Annotated[
         str, typer.Option(help='Where a controller of /** is, whose topics are relative.')
     ] = '',
-    seconds: Annotated[float, typer.Option(min=0.1, help='How long to listen.')] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.1, help='How long to listen \\[s].')] = 2.0,
 ) -> None:
     """
     Say what each signal of a controller would be now, against the running graph.
