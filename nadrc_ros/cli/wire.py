@@ -83,6 +83,10 @@ def wire(
         }
         if not nodes:
             raise UserError('there is no controller in it')
+        shared = {key: values for key, values in nodes.items() if '*' in key}
+        if named := nodes.keys() - shared.keys():
+            common = {name: value for values in shared.values() for name, value in values.items()}
+            nodes = {key: common | nodes[key] for key in nodes if key in named}
         wrong = 0
         for key, values in nodes.items():
             home = key.rpartition('/')[0]

@@ -34,6 +34,7 @@ from rclpy.node import Node
 
 # Others are discovered within so long, as a rule [s].
 _DISCOVERY, _LATE_DISCOVERY = 1.0, 3.0
+_LISTENER = 'nadrc_wire'
 
 
 @attrs.define(eq=False)
@@ -131,7 +132,7 @@ def check_wiring(parameters: Mapping[str, Any], namespace: str, seconds: float) 
     refuse_unknown_keys(wiring, wiring_fields())
     settings = build_wiring(parameters)
     simulated = {'use_sim_time': parameters.get('use_sim_time', False)}
-    with _node('nadrc_wire', namespace, simulated) as (node, executor):
+    with _node(_LISTENER, namespace, simulated) as (node, executor):
         spin_for(executor, _DISCOVERY)
         found = [_listen(node, settings, *signal) for signal in SIGNALS.items()]
         spin_for(executor, seconds)
@@ -167,7 +168,6 @@ def _listen(node: Node, settings: WiringSettings, topic: str, name: str) -> Hear
 def _judge(node: Node, heard: Heard, topic: str, wired: bool) -> None:
     """Say who publishes a signal, and what is wrong with it."""
     full = node.resolve_topic_name(topic)
-    own = node.get_fully_qualified_name()
     heard.who = publishers(node, full)
     if heard.times:
         heard.wrong = '' if heard.value == heard.value else 'it is no number (nan)'
@@ -177,7 +177,9 @@ def _judge(node: Node, heard: Heard, topic: str, wired: bool) -> None:
         heard.wrong = str(heard.source.absent)
     elif heard.signal == 'command':
         if not heard.who:
-            heard.who, heard.taken = [each for each in readers(node, full) if each != own], True
+            # A listener of ours for another controller may still be listed.
+            others = [each for each in readers(node, full) if not each.endswith(f'/{_LISTENER}')]
+            heard.who, heard.taken = others, True
             heard.wrong = '' if heard.who else 'nobody takes it'
     elif heard.who:
         heard.wrong = 'nothing comes'
