@@ -9,7 +9,7 @@ SHELL := bash
 PYTHON ?= python3
 ARGS ?=
 BENCHES := step simulate batch ros_latency axes start_up robustness identify path wiring
-MIN_TESTS := 3839# `make test` fails when fewer are collected, without test/ros; when there are more it says what to write here
+MIN_TESTS := 3841# `make test` fails when fewer are collected, without test/ros; when there are more it says what to write here
 VENV := .venv
 PY := $(VENV)/bin/python
 

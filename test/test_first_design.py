@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees
+from math import degrees, pi
 import re
 from typing import Any
 
@@ -187,6 +187,14 @@ def test_the_advice_follows_the_disturbance() -> None:
         assert design.advice.startswith(f'Take {named[chosen]} observer')
         crossing = re.findall(r'are better below ([\d.]+) rad/s only', design.advice)
         assert len(crossing) == 1 and 10.0 < float(crossing[0]) < 25.0
+
+
+@pytest.mark.parametrize('frequency', (2.0, 8.0))
+def test_the_experiment_lasts_for_three_cycles_of_a_slow_disturbance(frequency: float) -> None:
+    scenario = first_design(wanted(disturbance_frequency=frequency)).scenario
+    acting = scenario.duration - scenario.disturbance.values['start_time']
+    expected = max(4.0 * wanted().settling_time, 3.0 * 2.0 * pi / frequency)
+    assert acting == pytest.approx(expected, rel=0.01)  # a duration of three digits
 
 
 def test_each_candidate_that_is_not_taken_has_a_reason_of_its_own() -> None:
