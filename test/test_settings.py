@@ -24,6 +24,7 @@ TIED = {
     'command_min': ('safe_command',),
     'command_max': ('command_min', 'safe_command'),
     'measurement_max': ('measurement_min',),
+    'reference_max': ('reference_min',),
     'reference_derivatives': ('tracking_acceleration',),
 }
 
@@ -77,6 +78,7 @@ def test_p13_the_declared_range_is_what_is_checked(name: str) -> None:
 @example('differentiator')
 @example(200.0)
 @example(-200.0)
+@example(-1e15)  # the lowest of all is below nothing
 def test_p13_a_setting_is_taken_or_refused_and_nothing_else(value: Any) -> None:
     for name in FIELDS:
         try:
