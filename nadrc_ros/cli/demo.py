@@ -5,7 +5,7 @@ from shlex import join
 from typing import Annotated, Any, TYPE_CHECKING
 
 from nadrc_ros.cli import called, options
-from nadrc_ros.cli.failure import complain, reporting, USER_ERROR
+from nadrc_ros.cli.failure import complain, reporting, tell_divergence, USER_ERROR
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -68,7 +68,9 @@ def demo(
             runs = _in_real_time(scenario, out, keep_open)
         recorded = {name: _recorded(scenario, name, run.folder) for name, run in runs.items()}
         for name, run in recorded.items():
-            _warn_if_lost(name, run)
+            # In lockstep the event comes when it comes: the rows know better when it was.
+            if any(event.kind == 'diverged' for event in run.events):
+                tell_divergence(name, run.time, run.output)
         _print_table(path.stem, scenario, runs)
         _write_picture(out / 'demo.png', path.stem, scenario, recorded)
         _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
@@ -146,16 +148,6 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
         cells = ['-' if value is None else f'{value:.4g}' for value in values]
         rows.append(Row(labels.get(key, key), '', cells))
     print_columns(title_of(name, scenario), list(runs), rows)
-
-
-def _warn_if_lost(name: str, run: 'RecordedRun') -> None:
-    import numpy as np
-
-    if any(event.kind == 'diverged' for event in run.events):
-        # In lockstep the event comes when it comes: the rows know better.
-        lost = run.time[np.isnan(run.output)]
-        when = f' at {lost[0]:.4g} s' if lost.size else ''
-        complain(f'{name}: the plant diverged{when}; the figures are of the time before')
 
 
 def _write_picture(

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from nadrc_ros.cli import interrupted
 import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.records.recorded_run import Array
 
 USER_ERROR = 1
 INTERRUPTED = 130
@@ -37,6 +41,15 @@ def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
         else:
             raise
         raise typer.Exit(USER_ERROR) from None
+
+
+def tell_divergence(name: str, time: Array, output: Array) -> None:
+    """Say from when on the output of a plant is no number; ``time`` [s] and ``output``, (N,)."""
+    import numpy as np
+
+    lost = time[~np.isfinite(output)]
+    when = f' at {lost[0]:g} s' if lost.size else ''
+    complain(f'{name}: the plant diverged{when}; the figures are of the time before')
 
 
 def complain(message: str) -> None:

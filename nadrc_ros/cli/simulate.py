@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli import options
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting, tell_divergence
 import typer
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def simulate(
     """
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
+        import numpy as np
 
         options.check_ending(plot, '--plot')
         path = find_scenario(file)
@@ -44,21 +45,13 @@ def simulate(
     with reporting(file):
         results = {name: scenario.run(name) for name in scenario.controllers}
         for name, result in results.items():
-            _warn_if_lost(name, result)
+            if not np.isfinite(result.output).all():
+                tell_divergence(name, result.time, result.output)
         if json is not None:
             _write_json(json, scenario, results)
         if plot is not None:
             _write_plot(plot, path.stem, scenario, results)
         _print_table(path.stem, scenario, results)
-
-
-def _warn_if_lost(name: str, result: 'Result') -> None:
-    import numpy as np
-
-    lost = np.flatnonzero(~np.isfinite(result.output))
-    if lost.size:
-        when = result.time[lost[0]]
-        complain(f'{name}: the plant diverged at {when:g} s; the figures are of the time before')
 
 
 def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') -> None:

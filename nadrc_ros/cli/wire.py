@@ -68,9 +68,9 @@ def wire(
     Example: nadrc wire --check arm.yaml
     """
     with reporting():
-        from nadrc_ros.ros.arguments import parameters_in
+        from nadrc_ros.ros.arguments import in_force, parameters_in
 
-        in_the_file = parameters_in(str(check))
+        in_the_file = in_force(parameters_in(str(check)))
     with reporting(str(check)):
         from nadrc_ros.adrc.errors import UserError
         from nadrc_ros.ros.wire_check import check_wiring
@@ -83,10 +83,6 @@ def wire(
         }
         if not nodes:
             raise UserError('there is no controller in it')
-        shared = {key: values for key, values in nodes.items() if '*' in key}
-        if named := nodes.keys() - shared.keys():
-            common = {name: value for values in shared.values() for name, value in values.items()}
-            nodes = {key: common | nodes[key] for key in nodes if key in named}
         wrong = 0
         for key, values in nodes.items():
             home = key.rpartition('/')[0]

@@ -275,6 +275,20 @@ def parameters_in(file: str) -> dict[str, dict[str, Any]]:
         raise UserError(f'{file}: {error}') from None
 
 
+def in_force(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return what holds for each node that is named, and for patterns that mean none of these."""
+    patterns = [key for key in parameters if '*' in key]
+    named = [key for key in parameters if key not in patterns]
+    found: dict[str, dict[str, Any]] = {key: {} for key in named}
+    for pattern in patterns:
+        meant = [key for key in named if _means(pattern, key)]
+        for key in meant or [pattern]:
+            found.setdefault(key, {}).update(parameters[pattern])
+    for key in named:
+        found[key].update(parameters[key])
+    return found
+
+
 def _nodes(tree: Any, namespace: str = '') -> Iterator[tuple[str, Mapping[Any, Any]]]:
     if not isinstance(tree, dict):
         where = namespace or 'the file'

@@ -12,12 +12,11 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.ros.topics import Info, Input, Sender, Take
 from nadrc_ros.ros.wires import message_class, Wire
 from nadrc_ros.wiring.address import Address, AddressError, Step
-from nadrc_ros.wiring.layout import Array, HEADER, Message, Number, Type
+from nadrc_ros.wiring.layout import Array, Message, Number, Type
+from nadrc_ros.wiring.reader import Reader
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-_STAMP = Struct('<iI')
-_SECOND = 1_000_000_000
 # Of an array that a command is in, the most elements.
 _LONGEST = 10_000
 _LARGEST = {'d': 1.7976931348623157e308, 'f': 3.4028234663852886e38}
@@ -109,7 +108,7 @@ class OutgoingMessage(Sender):
             )
         if (fill, frame_id) != (self._fill, self._frame_id):
             raise UserError(f'{named}: wiring.fill and wiring.frame_id are one for all axes')
-        if any(each.path == wire.address.path for each in self._fields):
+        if any(each.wire.address.path == wire.address.path for each in self._fields):
             raise UserError(f'{named}: another axis of this process commands it')
         field = Field(self, wire, value)
         self._fields.append(field)
@@ -134,7 +133,7 @@ class OutgoingMessage(Sender):
         if not self._due:
             return
         if self._stamped:
-            _STAMP.pack_into(self._data, HEADER, *divmod(self._stamp, _SECOND))
+            Reader.put_stamp(self._data, self._stamp)
         self._due, self._stamp = False, 0
         self.count += 1
         data = bytes(self._data)
@@ -149,7 +148,7 @@ class OutgoingMessage(Sender):
             message.header.frame_id = self._frame_id
         for _ in range(2):  # the second time arrays have a place for each name that came later
             for each in self._fields:
-                _make_room(each._wire, message, self._fill)
+                _make_room(each.wire, message, self._fill)
         self._data = bytearray(serialize_message(message))
         for each in self._fields:
             each.find(bytes(self._data))
@@ -167,8 +166,7 @@ class Field(Sender):
         )
         self.count = 0
         self.told = None
-        self._wire = self.wire = wire
-        self.path = wire.address.path
+        self.wire: Wire = wire
         self._message = message
         self._value = value
         self._at, self._form, self._low, self._high = 0, Struct(''), 0.0, 0.0
@@ -176,7 +174,7 @@ class Field(Sender):
 
     def find(self, data: bytes) -> None:
         """Find the number in a message of the size that it has now, and set it."""
-        self._at, self._form = self._wire.reader.place(data)
+        self._at, self._form = self.wire.reader.place(data)
         self._low, self._high = number_range(self._form.format[-1])
         self.rest(self._value)
 
@@ -185,7 +183,7 @@ class Field(Sender):
         if isnan(value):  # no number is ever made full actuator by the clamp
             return
         self._value = value
-        address = self._wire.address
+        address = self.wire.address
         number = (value - address.offset) / address.factor
         number = max(self._low, min(self._high, number))
         whole = isinstance(self._low, int)
@@ -208,7 +206,7 @@ class Field(Sender):
         self.count += self._sent
         self._sent = False
         if self.told is not None:
-            read = self._wire.reader.read(data)
+            read = self.wire.reader.read(data)
             self.told(number, nan if read is None else read)
 
 

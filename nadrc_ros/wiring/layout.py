@@ -40,6 +40,8 @@ NUMBERS = {
     'bool': '?',
 }
 HEADER = 4
+# Byte 1 of the encapsulation header: plain CDR, big and little endian.
+ORDERS = {0: '>', 1: '<'}
 _FIXED = re.compile(r'(.+)\[(\d+)\]')
 _SEQUENCE = re.compile(r'sequence<([^,>]+(?:<\d+>)?)(?:, *\d+)?>')
 _STRING = re.compile(r'string(?:<\d+>)?')
@@ -155,6 +157,13 @@ class Walk:
     order: str
     at: int = 0
     shape: list[tuple[int, str, int | bytes]] = attrs.field(factory=list)
+
+    @classmethod
+    def over_message(cls, data: bytes) -> Walk:
+        """Begin a walk behind the encapsulation header, which tells the order."""
+        if len(data) < HEADER or data[0] != 0 or data[1] not in ORDERS:
+            raise Malformed
+        return cls(data, ORDERS[data[1]])
 
     def to(self, size: int, count: int = 1) -> int:
         """Go over ``count`` numbers of a size and return where they began."""

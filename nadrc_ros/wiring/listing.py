@@ -7,16 +7,14 @@ from collections.abc import Iterator
 from nadrc_ros.wiring.address import Address, parse_path
 from nadrc_ros.wiring.layout import (
     Array,
-    HEADER,
     layout_of,
-    Malformed,
     MembersOf,
     Message,
     Number,
     Type,
     Walk,
 )
-from nadrc_ros.wiring.reader import computed_fields, ORDERS, Reader
+from nadrc_ros.wiring.reader import computed_fields, Reader
 
 # Of an array of numbers without names, so many elements are listed, first and last.
 FEW = 8
@@ -38,9 +36,7 @@ def numbers_in(
 
     """
     layout = layout_of(message_type, members_of)
-    if len(data) < HEADER or data[1] not in ORDERS:
-        raise Malformed
-    for field in _fields(Walk(data, ORDERS[data[1]]), layout, ''):
+    for field in _fields(Walk.over_message(data), layout, ''):
         value = Reader(Address('', message_type, parse_path(field)), message_type, members_of)
         number = value.read(data)
         if number is not None:

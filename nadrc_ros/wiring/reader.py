@@ -24,6 +24,7 @@ from nadrc_ros.wiring.layout import (
     MembersOf,
     Message,
     Number,
+    ORDERS,
     Type,
     Unsupported,
     Walk,
@@ -31,8 +32,6 @@ from nadrc_ros.wiring.layout import (
 
 # How far the norm of a quaternion may be from 1.
 ROTATION = 0.9, 1.1
-# Byte 1 of the encapsulation header: plain CDR, big and little endian.
-ORDERS = {0: '>', 1: '<'}
 _SECOND = 1_000_000_000
 _STAMP = {'>': Struct('>iI'), '<': Struct('<iI')}
 
@@ -196,12 +195,14 @@ class Reader:
             return None
         return (seconds * _SECOND + nanoseconds) or None
 
+    @staticmethod
+    def put_stamp(data: bytearray, stamp: int) -> None:
+        """Write a time [ns] into the header that a message begins with."""
+        _STAMP[ORDERS[data[1]]].pack_into(data, HEADER, *divmod(stamp, _SECOND))
+
     def _locate(self, data: bytes) -> Way:
         """Find where the number is, and what that depends on."""
-        if len(data) < HEADER or data[0] != 0 or data[1] not in ORDERS:
-            raise Malformed
-        order = ORDERS[data[1]]
-        walk = Walk(data, order)
+        walk = Walk.over_message(data)
         kind: Type = self.layout
         for step in self._path:
             assert isinstance(kind, Message)
@@ -212,7 +213,7 @@ class Reader:
             if isinstance(kind, Array):
                 kind = kind.element
         code, count = self._leaf
-        number = Struct(f'{order}{count}{code}')
+        number = Struct(f'{walk.order}{count}{code}')
         return _way(walk, HEADER + walk.to(number.size // count, count), number, None)
 
     def _descend(self, walk: Walk, message: Message, step: Step) -> Absent | None:

@@ -10,6 +10,7 @@ import sys
 import threading
 from typing import Any
 
+from nadrc_ros.ros.arguments import in_force
 from nadrc_ros.ros.wire_check import check_wiring, fields_now
 from probe import parameter_file, Probe
 import pytest
@@ -134,3 +135,16 @@ def test_a_topic_that_is_not_there_is_told_with_those_that_are(arm: Probe) -> No
     assert code == 1
     assert f'did you mean {arm.namespace}/joints?' in said
     assert said.count('/joint:') == 1 and 'nadrc fields' not in said
+
+
+def test_what_a_file_says_of_a_pattern_holds_for_the_nodes_that_it_means() -> None:
+    parameters = {
+        '/**/controller': {'rate': 50.0, 'b0': 1.0},
+        '/x/controller': {'b0': 2.0},
+        '/y/**': {'b0': 3.0},
+    }
+    assert in_force(parameters) == {
+        '/x/controller': {'rate': 50.0, 'b0': 2.0},
+        '/y/**': {'b0': 3.0},
+    }
+    assert in_force({'/**/controller': {'b0': 1.0}}) == {'/**/controller': {'b0': 1.0}}
