@@ -8,7 +8,7 @@ from math import isnan, nan
 from pathlib import Path
 import time
 
-from feed import Feed, INPUTS, PERIOD
+from feed import fed_steadily, Feed, INPUTS, PERIOD
 from nadrc_ros.nodes.plant import LONGEST_STALL, PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.figures import summarise
@@ -44,8 +44,7 @@ def test_a_run_is_of_the_rate_of_its_stamps(
 ) -> None:
     """Whatever the rate of the recorder, which is that of its parameter or the default one."""
     for rate in (1.0, 200.0):
-        feed = Feed(make_probe, tmp_path, rate=rate)
-        feed.samples(60)
+        feed = fed_steadily(make_probe, tmp_path, 60, rate=rate)
         spans = np.diff(feed.rows(60)['time'])
         summary = feed.summary()
         assert summary['rows'] == 60
