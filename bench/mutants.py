@@ -50,7 +50,7 @@ PARTS = {
         *('test_differentiator.py', 'test_against_pyadrc.py', 'test_controller.py'),
         *('test_supervisor.py', 'test_policy_table.py', 'test_setpoints.py', 'test_stall.py'),
         *('test_retune.py', 'test_transfer*.py', 'test_settings.py'),
-        *('test_dropped_ticks.py', 'test_sparse_samples.py'),
+        *('test_dropped_ticks.py', 'test_sparse_samples.py', 'test_docs.py'),
     ),
     'theory': ('test_theory*.py', 'test_first_design.py'),
     'ros/stamps.py': ('ros/test_stamps.py',),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from nadrc_ros.tuning import LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import BAND, reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import single
 from nadrc_ros.tuning.design.first_design import first_design
-from nadrc_ros.tuning.design.limits import fastest, obstacle
+from nadrc_ros.tuning.design.limits import check, fastest, obstacle, robust_enough
 from nadrc_ros.tuning.design.prediction import settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest
@@ -53,6 +54,20 @@ def test_what_a_wrong_b0_does_is_as_the_docs_say() -> None:
     assert '\n'.join(rows) in page, '\n'.join(rows)
     rule = ', '.join(f'{settling_factor(order):.1f}' for order in (1, 2, 3))
     assert f'{rule} / settling time for order 1, 2, 3' in (TOP / 'README.md').read_text()
+
+
+def test_only_a_stable_loop_is_robust() -> None:
+    asked = Requirements(settling_time=0.5, rate=500.0)
+    settings = single(asked).settings
+    assert robust_enough(make_design(settings), asked)
+    too_little = attrs.evolve(settings, b0=0.1 * settings.b0)
+    assert not robust_enough(make_design(too_little), asked)
+
+
+def test_a_disturbance_is_seen_below_half_the_rate() -> None:
+    check(wanted(disturbance_frequency=0.9 * 500.0 * pi))
+    with pytest.raises(Conflict, match='below 1571 rad/s, half the rate'):
+        check(wanted(disturbance_frequency=1.1 * 500.0 * pi))
 
 
 def test_what_is_not_said_is_taken_from_the_range_of_the_command() -> None:

@@ -93,6 +93,8 @@ def test_without_noise_the_estimate_is_the_gain() -> None:
     assert plant.order == 1
     assert plant.b0.value == pytest.approx(5.0, rel=1e-4)
     assert plant.damping.value == pytest.approx(2.0, rel=1e-3)
+    # No plant is quite as its model is, however little noise there is.
+    assert plant.b0.error == pytest.approx(0.005 * plant.b0.value, rel=0.02)
 
 
 def test_noise_damping_and_order_are_found(lag: RecordedRun) -> None:

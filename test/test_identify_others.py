@@ -12,6 +12,7 @@ from nadrc_ros.tuning.identification.candidates import (
     dry_of,
     is_lag,
     rate_of,
+    with_ways,
 )
 from nadrc_ros.tuning.identification.estimate import _orthonormal, answers, is_open
 from nadrc_ros.tuning.identification.fit import Fit, fit_direct, likely_delays
@@ -178,6 +179,16 @@ def test_friction_and_backlash_are_allowed_for_where_the_direction_of_motion_is_
     ):
         log = Log(measurement=signs, command=signs, reference=signs, h=0.01, way=way, side=side)
         assert (dry_of(log, 1), dry_of(log, 2)) == (of_order_1, of_order_2)
+
+
+def test_the_side_of_zero_tells_where_the_output_is_on_both() -> None:
+    moving = np.sin(0.1 * np.arange(400))
+    for offset, both in ((0.0, True), (2.0, False)):
+        log = Log(measurement=moving + offset, command=moving, reference=moving, h=0.01)
+        side = with_ways(log).side
+        assert (side is not None) == both
+        if side is not None:
+            assert side.min() == -1.0 and side.max() == 1.0
 
 
 def test_friction_hastened_by_the_lag_is_friction_again_behind_it() -> None:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import (
     at_least,
+    bits,
     Chain,
     copy_of,
     design_of,
@@ -262,6 +263,29 @@ def test_meet_makes_the_command(case: str) -> None:
         law.step([0.5, 0.1], y, H)
     match_command(law.design, law.state, 0.123)
     assert raw_command(law.design, law.state) == pytest.approx(0.123, abs=1e-9)
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_only_what_is_unusual_of_an_offset_decays_fast(case: str) -> None:
+    """Also of the second one, which finds the first."""
+    law = Law(design_of(**CASES[case]))
+    for y in noise(1, 30, 0.1):
+        law.step([0.5, 0.1], y, H)
+    usual = 2.0 * law.state.smoothed[0] - law.state.smoothed[1]
+    for command in (0.123, 0.456):
+        match_command(law.design, law.state, command)
+        assert usual + law.state.offset[0] == pytest.approx(command, abs=1e-9)
+
+
+@pytest.mark.parametrize('applied', (NAN, INF, 1e16, -INF, -1e16))
+def test_p03_an_applied_command_that_is_no_signal_counts_as_the_safe_one(applied: float) -> None:
+    commands = []
+    for acted in (applied, 1.0):
+        law = Law(design_of(command_min=-20.0, command_max=30.0, safe_command=1.0))
+        for y in noise(1, 5, 0.1):
+            law.u = acted
+            commands.append(law.step([0.5], y, H))
+    assert bits(commands[:5]) == bits(commands[5:])
 
 
 def test_start_writes_all_of_a_used_state() -> None:

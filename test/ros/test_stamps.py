@@ -331,6 +331,14 @@ def test_a_sample_without_a_stamp_left_when_it_came() -> None:
     assert Departures(lambda: 0).of(info, 123) == 123
 
 
+def test_a_middleware_may_begin_to_number() -> None:
+    departures = Departures(lambda: 0)
+    for number, stamp in ((None, 1_000_000_000), (1, 1_005_000_000), (2, 1_010_000_000)):
+        info = {'source_timestamp': stamp, 'publication_sequence_number': number}
+        assert departures.of(info, stamp + 1000) == stamp
+    assert departures.clock_jumps == 0
+
+
 def test_what_interrupts_the_reading_of_two_clocks_moves_nothing() -> None:
     """Or samples that left right after each other would change places."""
     steady, late, ahead = [0], [0], [START]
