@@ -25,11 +25,12 @@ DESIGN = make_design(
     )
 )
 SAFE_COMMAND, ELSEWHERE = DESIGN.safe_command, 1.0
-NONE, REFERENCE, STALLED, MEASUREMENT, START, DISABLED = Cause
+NONE, NOT_FOLLOWED, REFERENCE, STALLED, MEASUREMENT, START, DISABLED = Cause
 OK, HOLDING, RAMPING, SAFE = Mode
 # What makes each cause present: enabled, measured, time of a stall, ages of both before the tick.
 PRESENT = {
     NONE: (True, True, 0.0, 0.0, 0.0),
+    NOT_FOLLOWED: (True, True, 0.0, 0.0, 0.0),
     REFERENCE: (True, True, 0.0, 0.0, 1.0),
     STALLED: (True, True, 1.0, 0.0, 0.0),
     MEASUREMENT: (True, False, 0.0, 1.0, 0.0),
@@ -39,6 +40,7 @@ PRESENT = {
 # The mode that a cause asks for when it appears.
 ENTRY = {
     NONE: OK,
+    NOT_FOLLOWED: HOLDING,
     REFERENCE: HOLDING,
     STALLED: HOLDING,
     MEASUREMENT: HOLDING,
@@ -48,12 +50,13 @@ ENTRY = {
 # Row: the cause that acts. Column: the cause that is present now. Entry: the one that acts then.
 # The most severe acts until the fault ends; switched on again, a controller is not disabled.
 NEXT = {
-    NONE: (NONE, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
-    REFERENCE: (REFERENCE, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
-    STALLED: (STALLED, STALLED, STALLED, MEASUREMENT, START, DISABLED),
-    MEASUREMENT: (MEASUREMENT, MEASUREMENT, MEASUREMENT, MEASUREMENT, START, DISABLED),
-    START: (START, START, START, START, START, DISABLED),
-    DISABLED: (DISABLED, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
+    NONE: (NONE, NOT_FOLLOWED, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
+    NOT_FOLLOWED: (NOT_FOLLOWED, NOT_FOLLOWED, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
+    REFERENCE: (REFERENCE, REFERENCE, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
+    STALLED: (STALLED, STALLED, STALLED, STALLED, MEASUREMENT, START, DISABLED),
+    MEASUREMENT: (*[MEASUREMENT] * 5, START, DISABLED),
+    START: (*[START] * 6, DISABLED),
+    DISABLED: (DISABLED, NOT_FOLLOWED, REFERENCE, STALLED, MEASUREMENT, START, DISABLED),
 }
 FAULTS = [(mode, cause) for mode, cause in product(Mode, Cause) if (mode == OK) == (cause == NONE)]
 
@@ -69,7 +72,8 @@ def after(
         stall=Stall(stalled=stalled, aim=2.0, distance=2.0),
     )
     y = 1.0 if odd else 0.0
-    sample = Sample(y if measured else nan, H, H, 0.0, SAFE_COMMAND if at_safe else ELSEWHERE)
+    applied = SAFE_COMMAND if at_safe else ELSEWHERE
+    sample = Sample(y if measured else nan, H, H, 0.0, applied, present != NOT_FOLLOWED)
     referenced, limited = present != REFERENCE, present == STALLED
     return supervise(DESIGN, before, sample, measured, referenced, enabled, limited, 0.0)
 
@@ -82,7 +86,10 @@ def test_p19_of_every_pair_of_causes_the_most_severe_acts(
     policy = after(PolicyState(mode, cause), present)
     assert Cause(policy.cause) == NEXT[cause][present]
     ended = policy.cause == NONE
-    assert Mode(policy.mode) == (OK if ended else max(mode, ENTRY[present]))
+    expected = OK if ended else max(mode, ENTRY[present])
+    if (expected, present) == (RAMPING, NOT_FOLLOWED):  # no ramp of what nothing follows
+        expected = SAFE
+    assert Mode(policy.mode) == expected
 
 
 @pytest.mark.parametrize(('mode', 'cause'), [pair for pair in FAULTS if pair[0] != OK])
@@ -135,6 +142,18 @@ def test_p07_holding_ends_with_the_hold_time_and_ramping_at_safe(cause: Cause) -
         assert after(PolicyState(HOLDING, cause, fault_age=held - H), cause).mode == mode
     for at_safe, mode in ((False, RAMPING), (True, SAFE)):
         assert after(PolicyState(RAMPING, cause), cause, at_safe=at_safe).mode == mode
+
+
+@pytest.mark.parametrize(('mode', 'cause'), FAULTS)
+def test_p11_what_is_only_not_followed_waits_to_go_on_from_where_the_inner_loop_is(
+    mode: Mode, cause: Cause
+) -> None:
+    policy = after(PolicyState(mode, cause, good=10, fault_age=9.0), NOT_FOLLOWED)
+    for _ in range(20):
+        assert (policy.mode, policy.cause) == (HOLDING, NOT_FOLLOWED)
+        policy = after(policy, NOT_FOLLOWED)
+    assert after(policy, MEASUREMENT).fault_age == 0.0  # it is held as long as any other
+    assert after(policy).mode == OK
 
 
 def test_a_controller_begins_where_the_table_says() -> None:

@@ -9,6 +9,7 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.limiter import clamp
+from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 from nadrc_ros.adrc.state import blank_state, disturbance_estimate, output_estimate
@@ -37,6 +38,9 @@ class Controller:
 
     Attributes
     ----------
+    inner
+        The controller that takes the command as its reference, if one does in this process: it
+        says what it made of it, and whether it follows.
     settings, design, state, policy
         What runs, and where law and policy are; a retune takes over with the next tick.
     sample, reference, command, status
@@ -59,6 +63,7 @@ class Controller:
     def __init__(
         self, settings: ControllerSettings, *, enabled: bool = True, checked: bool = False
     ) -> None:
+        self.inner: Controller | None = None
         self.settings = settings
         self.design = make_design(settings)
         self.state = blank_state(self.design)
@@ -86,6 +91,7 @@ class Controller:
         age: float = 0.0,
         reference: Sequence[float | None] | None = None,
         applied: float | None = None,
+        followed: bool = True,
     ) -> float:
         """
         Advance by one tick and return the command to send.
@@ -105,12 +111,17 @@ class Controller:
             no number stands for the last one, for at most ``max_dt``, then for 0, without a bump.
         applied
             The command that really acted since the last tick; unknown, the one returned then.
+        followed
+            Whether it acts at all; False holds the command where ``applied`` is. With an ``inner``
+            controller both are known.
 
         """
         if elapsed is None:
             elapsed = dt
         if not elapsed > 0.0:
             elapsed = 0.0
+        if self.inner is not None:
+            applied, followed = self.inner.realised(self.command)
         if applied is None or not LOWEST <= applied <= HIGHEST:
             applied = self.command
         ages = self._ages
@@ -118,7 +129,7 @@ class Controller:
             ages[i] += elapsed
         referenced = reference is not None and self._take(reference)
         gap = self.policy.gap
-        sample = Sample(measurement, dt, elapsed, age if age > 0.0 else 0.0, applied)
+        sample = Sample(measurement, dt, elapsed, age if age > 0.0 else 0.0, applied, followed)
         self.sample = sample
         command, status, self.policy = tick(
             self.design,
@@ -146,6 +157,16 @@ class Controller:
         self.command = command
         self._drop_old_derivatives(applied, elapsed)
         return command
+
+    def realised(self, unknown: float) -> tuple[float, bool]:
+        """
+        Return what became of the last reference, and whether the law follows one.
+
+        That is for the outer loop of a cascade, as :func:`~nadrc_ros.adrc.realised.
+        realised_reference` says; ``unknown`` where nothing is known yet.
+        """
+        now = realised_reference(self.design, self.state, self.policy, self.command, unknown)
+        return now, self.policy.mode == MODE_OK
 
     def retune(self, settings: ControllerSettings) -> None:
         """

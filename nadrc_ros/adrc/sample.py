@@ -27,7 +27,8 @@ class Sample(NamedTuple):
 
     ``measurement`` is y, nan when none came; ``span`` is then 0, and may be anything where clocks
     are at fault: the law refuses what is not positive. ``elapsed`` and ``age`` are not negative.
-    ``applied``, a finite number, is the command that really acted since the last tick.
+    ``applied``, a finite number, is the command that really acted since the last tick, and
+    ``followed`` whether it acts at all: not while the inner loop that takes it is not in control.
     """
 
     measurement: float
@@ -35,3 +36,4 @@ class Sample(NamedTuple):
     elapsed: float
     age: float
     applied: float
+    followed: bool = True

@@ -27,14 +27,20 @@ class Mode(IntEnum):
 
 
 class Cause(IntEnum):
-    """Why the law may not act, ranked; ``START`` is before ``good_samples`` measurements."""
+    """
+    Why the law may not act, ranked.
+
+    ``START`` is before ``good_samples`` measurements; ``NOT_FOLLOWED`` is of the outer loop of a
+    cascade while the inner one is not in control.
+    """
 
     NONE = 0
-    REFERENCE_TIMEOUT = 1
-    STALLED = 2
-    MEASUREMENT_TIMEOUT = 3
-    START = 4
-    DISABLED = 5
+    NOT_FOLLOWED = 1
+    REFERENCE_TIMEOUT = 2
+    STALLED = 3
+    MEASUREMENT_TIMEOUT = 4
+    START = 5
+    DISABLED = 6
 
 
 # Plain integers for the functions of the loop: a member of an Enum costs more than a tick's
@@ -43,4 +49,6 @@ OK, RATE_LIMITED, SATURATED, RESTARTED, NO_MEASUREMENT, BAD_REFERENCE, BAD_TIME_
     int, Status
 )
 MODE_OK, HOLDING, RAMPING, SAFE = map(int, Mode)
-NONE, REFERENCE_TIMEOUT, STALLED, MEASUREMENT_TIMEOUT, START, DISABLED = map(int, Cause)
+NONE, NOT_FOLLOWED, REFERENCE_TIMEOUT, STALLED, MEASUREMENT_TIMEOUT, START, DISABLED = map(
+    int, Cause
+)

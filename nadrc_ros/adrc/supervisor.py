@@ -21,6 +21,7 @@ from nadrc_ros.adrc.status import (
     MEASUREMENT_TIMEOUT,
     MODE_OK,
     NONE,
+    NOT_FOLLOWED,
     RAMPING,
     REFERENCE_TIMEOUT,
     SAFE,
@@ -29,7 +30,7 @@ from nadrc_ros.adrc.status import (
 )
 
 # The mode that each cause asks for.
-_ENTRY = (MODE_OK, HOLDING, HOLDING, HOLDING, SAFE, RAMPING)
+_ENTRY = (MODE_OK, HOLDING, HOLDING, HOLDING, HOLDING, SAFE, RAMPING)
 # A step between two samples that is longer than the longest of late by this factor is odd.
 _ODD = 2.0
 # How much nearer to the reference counts as progress, as a share of the distance.
@@ -92,6 +93,9 @@ def supervise(
     The law takes over after ``good_samples`` valid samples in a row, at one that is not odd: no
     more than twice as far from the one before as those shortly before were. The step to an odd one
     counts for the next, so that no more than one is passed over, unless the steps double for ever.
+
+    While an inner loop does not follow, the command is held where that loop is, however long. It
+    is where to go on from, and needs no ramp to ``safe_command`` either, as nothing acts on it.
     """
     good, last, spread, odd = before.good, before.last, before.spread, False
     if used:
@@ -131,22 +135,25 @@ def supervise(
         cause = STALLED
     elif 0.0 < design.reference_timeout < reference_age < inf:
         cause = REFERENCE_TIMEOUT
+    elif not sample.followed:
+        cause = NOT_FOLLOWED
 
     mode = max(before.mode, _ENTRY[cause])
-    fault_age = before.fault_age + sample.elapsed if before.mode != MODE_OK else 0.0
+    waiting = before.mode == MODE_OK or before.cause == NOT_FOLLOWED
+    fault_age = 0.0 if waiting else before.fault_age + sample.elapsed
     if mode == HOLDING and fault_age > design.hold_time:
         mode = RAMPING
     # One tick later than it is reached, so that the safe command was sent.
-    if mode == RAMPING and before.mode == RAMPING and sample.applied == design.safe_command:
+    there = before.mode == RAMPING and sample.applied == design.safe_command
+    if mode == RAMPING and (there or not sample.followed):
         mode = SAFE
-    if cause == NONE and proven:
-        mode = MODE_OK
-    elif NONE < cause < START:  # what is lost now has to prove itself anew
-        good = 0
-    if mode == MODE_OK:
-        cause = NONE
-    elif cause == NONE or before.cause != DISABLED:  # to be disabled ends with the switch
-        cause = max(cause, before.cause)
+    if cause <= NOT_FOLLOWED and proven:
+        mode = _ENTRY[cause]
+    else:
+        if NOT_FOLLOWED < cause < START:  # what is lost now has to prove itself anew
+            good = 0
+        if cause == NONE or before.cause != DISABLED:  # to be disabled ends with the switch
+            cause = max(cause, before.cause)
     gap = 0.0 if used else before.gap + (sample.span if sample.span > 0.0 else 0.0)
     return PolicyState(
         mode, cause, measurement_age, reference_age, fault_age, gap, good, last, spread, stall

@@ -40,7 +40,8 @@ def tick(
     5. Derivatives of a reference that is older than ``max_dt``, or lost, count as 0 from now on.
     6. The command is the law's in OK, but ``applied`` on entering it, and the law goes on from
        there; ``applied`` while holding, unless only the reference is missing: then the law keeps
-       the plant at the last one; else it is on its way to ``safe_command``.
+       the plant at the last one; else it is on its way to ``safe_command``, and there at once
+       where nothing follows it.
     """
     measurement, applied, elapsed = sample.measurement, sample.applied, sample.elapsed
     span = policy.gap + sample.span
@@ -70,7 +71,9 @@ def tick(
             _take_over(design, policy, after.reference_age, measurement, applied, reference, out)
             command = clamp(design, applied)
     elif mode != HOLDING:
-        command = limit(design, design.safe_command, applied, elapsed)[0]
+        command = design.safe_command
+        if sample.followed:
+            command = limit(design, command, applied, elapsed)[0]
     elif not lost:
         command = clamp(design, applied)
     return command, status, after

@@ -21,6 +21,7 @@ _CAUSES = {
     Cause.NONE: ('restarting', OK),
     Cause.START: ('no valid measurement yet', WARN),
     Cause.DISABLED: ('disabled', WARN),
+    Cause.NOT_FOLLOWED: ('the inner loop is not in control', WARN),
     Cause.REFERENCE_TIMEOUT: ('no valid reference', ERROR),
     Cause.STALLED: (
         'no nearer to the reference at a limit of the command, until enabled anew',

@@ -18,10 +18,10 @@ class TraceWriter:
     Writes JSON lines: ``{"settings": ...}`` first and at every change, then one record per tick.
 
     The first says also whether the sensor counted as ``checked``. A record has the arguments of
-    :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command),
-    ``enabled``, and what came out: ``u`` and ``status``. Between two ticks ``{"disabled": true}``
-    and ``{"reset": true}`` say what was asked for. Numbers are written so that they read back to
-    the bit; nan and infinities as JavaScript writes them.
+    :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command,
+    ``followed``), ``enabled``, and what came out: ``u`` and ``status``. Between two ticks
+    ``{"disabled": true}`` and ``{"reset": true}`` say what was asked for. Numbers are written so
+    that they read back to the bit; nan and infinities as JavaScript writes them.
 
     When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
@@ -45,7 +45,7 @@ class TraceWriter:
 
     def tick(self, controller: Controller, reference: Sequence[float | None] | None) -> None:
         """Record the tick that ``controller`` just did with that reference."""
-        measurement, span, elapsed, age, applied = controller.sample
+        measurement, span, elapsed, age, applied, followed = controller.sample
         self._write(
             {
                 'y': measurement,
@@ -54,6 +54,7 @@ class TraceWriter:
                 'age': age,
                 'r': reference,
                 'applied': applied,
+                'followed': followed,
                 'enabled': controller.enabled,
                 'u': controller.command,
                 'status': int(controller.status),
@@ -122,5 +123,6 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
                 age=record['age'],
                 reference=record['r'],
                 applied=record['applied'],
+                followed=record.get('followed', True),
             )
             yield record['u'], controller.command

@@ -123,7 +123,7 @@ def compiled_loop(
                 reference[i] = r[i] if i < known and i < len(r) else 0.0
             y = output(plant, x)
             measurement = y + noise[k - noise_start]
-            sample = Sample(measurement, h, h, 0.0, command)
+            sample = Sample(measurement, h, h, 0.0, command, True)
             u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
             disturbances(disturbance, t, w)
             truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])

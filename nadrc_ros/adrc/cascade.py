@@ -1,0 +1,127 @@
+"""Loops in a cascade: each takes the command of the one around it as its reference, at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+
+import attrs
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.settings import ControllerSettings
+
+
+@attrs.frozen(kw_only=True)
+class CascadeSettings(ControllerSettings):
+    """
+    Settings of the outer loop of a cascade, with those of the loop inside it.
+
+    The ``inner`` settings may be of a cascade again.
+
+    Raises
+    ------
+    SettingError
+        As :class:`ControllerSettings`; also for commands that the inner loop would not take.
+
+    """
+
+    inner: ControllerSettings = attrs.field(
+        validator=attrs.validators.instance_of(ControllerSettings)
+    )
+
+    def __attrs_post_init__(self) -> None:
+        super().__attrs_post_init__()
+        refuse_beyond_reference(self, self.inner)
+
+    def check_rate(self, rate: float) -> None:
+        """Refuse times that are too short for a loop at ``rate`` [Hz], in every loop."""
+        super().check_rate(rate)
+        try:
+            self.inner.check_rate(rate)
+        except SettingError as error:
+            raise error.inside('inner') from None
+
+
+def refuse_beyond_reference(
+    outer: ControllerSettings, inner: ControllerSettings, of: str = 'the inner loop'
+) -> None:
+    """
+    Refuse a range of commands that is not inside that of the references which a loop takes.
+
+    Raises
+    ------
+    SettingError
+        Names the limit of the command, and the one ``of`` the inner loop.
+
+    """
+    if outer.command_min < inner.reference_min:
+        allowed = f'at least reference_min = {inner.reference_min!r} of {of}'
+        raise SettingError('command_min', outer.command_min, allowed)
+    if outer.command_max > inner.reference_max:
+        allowed = f'at most reference_max = {inner.reference_max!r} of {of}'
+        raise SettingError('command_max', outer.command_max, allowed)
+
+
+def loops_of(settings: ControllerSettings) -> list[ControllerSettings]:
+    """Return the settings of each loop, the outermost first; of one loop, just these."""
+    if isinstance(settings, CascadeSettings):
+        return [settings, *loops_of(settings.inner)]
+    return [settings]
+
+
+class Cascade:
+    """
+    Controllers of which each takes the command of the one before as its reference.
+
+    They are ticked from the outermost to the innermost within one tick, so that nothing is late.
+    What the limits of a loop leave of its reference is the applied command of the one around it,
+    and while a loop is not in control, those around it wait where the plant is.
+
+    Parameters
+    ----------
+    settings
+        Of the outermost loop; one that is no :class:`CascadeSettings` makes a cascade of one.
+    enabled, checked
+        As of a :class:`~nadrc_ros.adrc.controller.Controller`, for all of them.
+
+    Attributes
+    ----------
+    loops
+        The controllers, the outermost first.
+
+    """
+
+    def __init__(
+        self, settings: ControllerSettings, *, enabled: bool = True, checked: bool = False
+    ) -> None:
+        self.loops = [
+            Controller(each, enabled=enabled, checked=checked) for each in loops_of(settings)
+        ]
+        for outer, inner in zip(self.loops, self.loops[1:]):
+            outer.inner = inner
+
+    def tick(
+        self,
+        measurements: Sequence[float] = (),
+        dt: float | Sequence[float] = 0.0,
+        *,
+        elapsed: float | None = None,
+        age: float = 0.0,
+        reference: Sequence[float | None] | None = None,
+    ) -> float:
+        """
+        Advance all loops by one tick and return the command of the innermost one.
+
+        As :meth:`~nadrc_ros.adrc.controller.Controller.tick`, with one measurement for each loop,
+        the outermost first, and one ``dt`` for all of them or for each.
+        """
+        for i, loop in enumerate(self.loops):
+            loop.tick(
+                measurements[i] if measurements else nan,
+                dt if isinstance(dt, (int, float)) else dt[i],
+                elapsed=elapsed,
+                age=age,
+                reference=reference,
+            )
+            reference = [loop.command]
+        return self.loops[-1].command
