@@ -47,6 +47,7 @@ def copy_of(state: State) -> State:
         list(state.smoothed),
         list(state.startup),
         list(state.since_sample),
+        list(state.delay_line),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)
@@ -151,6 +152,8 @@ def varied_settings() -> dict[str, dict[str, Any]]:
         'half gain': {'observer_gain_factor': 0.5},
         'rate limit': {'command_rate_limit': 40.0},
         'slow': {'command_rate_limit': 2.0, 'structure': 'printed', 'feedback': 'fal'},
+        'delay': {'input_delay': 0.0237, 'command_rate_limit': 40.0},
+        'long delay': {'input_delay': 0.8, 'plant_order': 1, 'structure': 'cascade'},
         'narrow': {'command_min': -1.5, 'command_max': 1.5, 'error_based': True},
     }
     return {name: common | case for name, case in cases.items()}

@@ -45,6 +45,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
     'command_max': (31.0, 1e9),
     'command_rate_limit': (0.0, 1e3, 1e12),
     'safe_command': (0.0, -1.0),
+    'input_delay': (0.0, 0.004, 0.05, 3.0),
     'measurement_min': (-1e3, -1e15),
     'measurement_max': (1e3, 1e15),
     'reference_min': (-1e3, -1e15),

@@ -55,6 +55,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     command_max: float
     command_rate_limit: float
     safe_command: float
+    input_delay: float
     measurement_min: float
     measurement_max: float
     reference_min: float

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from math import copysign, exp, isfinite
 
+from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.limiter import clamp, limit
@@ -74,8 +75,13 @@ def step(
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     if design.error_based and not _usable(reference):  # no sum below would show it
         return _refuse(design, state, applied, out, BAD_REFERENCE)
+    known = state.since_sample[1]
+    acting = applied
+    if design.input_delay > 0.0:
+        line = state.delay_line
+        acting = pass_through(design.input_delay, line, applied, dt - known, out.delay_line)
     if dt > design.max_dt:
-        return _restart(design, state, reference, measurement, applied, out)
+        return _restart(design, state, reference, measurement, applied, acting, out)
     profile = out.profile
     if design.tracking_acceleration > 0.0:
         copy_vector(state.profile, profile)
@@ -94,11 +100,11 @@ def step(
         startup = rise(startup, dt, design.startup_time)
         speed = startup * startup * startup
     out.startup[0] = startup
-    acted, known = applied, state.since_sample[1]
+    acted = acting
     if known > 0.0:
         acted = state.since_sample[0]
         if known < dt:  # the last command acted for the rest
-            acted += (applied - acted) * (1.0 - known / dt)
+            acted += (acting - acted) * (1.0 - known / dt)
     out.since_sample[1] = 0.0
     update(design, state.levels, observed, acted, dt, speed, out.levels, out.scratch)
     lasting, brief = state.offset[0], state.offset[1]
@@ -106,7 +112,7 @@ def step(
     out.offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
-        return _restart(design, state, reference, measurement, applied, out)
+        return _restart(design, state, reference, measurement, applied, acting, out)
     share = 1.0
     if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
@@ -146,6 +152,7 @@ def _restart(
     reference: Vector,
     measurement: float,
     applied: float,
+    acting: float,
     out: State,
 ) -> tuple[float, int]:
     profile = state.profile  # of a reference that is approached: it goes on from where it is
@@ -153,7 +160,7 @@ def _restart(
         if not _usable(reference):
             return _refuse(design, state, applied, out, BAD_REFERENCE)
         profile = reference
-    rest(design, measurement, applied, profile[0], out)
+    rest(design, measurement, acting, profile[0], out)
     copy_vector(profile, out.profile)
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
     out.startup[0] = state.startup[0]

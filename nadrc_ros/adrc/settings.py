@@ -168,6 +168,12 @@ class ControllerSettings:
     safe_command: float = _signal(
         0.0, 'command unit', 'command when there is nothing to control with; inside the limits'
     )
+    input_delay: float = _seconds(
+        0.0,
+        'dead time of the plant: from a sample until the command that answers it acts; the '
+        'observers are driven by the command of so long ago, while the feedback acts on the '
+        'present estimate (no predictor); 0 = off',
+    )
     measurement_min: float = _signal(
         LOWEST,
         'output unit',

@@ -10,6 +10,7 @@ from __future__ import annotations
 from math import inf
 
 import attrs
+from nadrc_ros.adrc.delay_line import acting, blank_line, copy_line
 from nadrc_ros.adrc.design import Design, Matrix, Vector
 from nadrc_ros.adrc.feedback import feedback
 from nadrc_ros.adrc.limiter import clamp
@@ -26,8 +27,10 @@ class State:
     ``smoothed`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
     once and twice. ``startup`` (1,) is how far the observers are through their rise after the
     first start, from 0 to 1. ``since_sample`` (2,) is the mean command of the ticks without a
-    sample that followed the last one, and their time [s]. ``scratch`` (K + 2, N) remembers the
-    observer gains of the last time step: it changes the speed of a step, and nothing else.
+    sample that followed the last one, and their time [s]. ``delay_line`` is what is on its way to
+    a plant with dead time, empty without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``scratch``
+    (K + 2, N) remembers the observer gains of the last time step: it changes the speed of a step,
+    and nothing else.
     """
 
     levels: Matrix
@@ -36,6 +39,7 @@ class State:
     smoothed: Vector
     startup: Vector
     since_sample: Vector
+    delay_line: Vector
     scratch: Matrix
 
 
@@ -48,6 +52,7 @@ def blank_state(design: Design) -> State:
         [0.0, 0.0],
         [0.0],
         [0.0, 0.0],
+        blank_line(design.input_delay),
         [[0.0] * design.states for _ in range(design.levels + 2)],
     )
 
@@ -59,10 +64,10 @@ def start(
     Write into ``out`` the state of a first start, at rest: the observers rise from here.
 
     The profile starts at the measurement with the tracking differentiator, at the reference
-    without.
+    without. What is on its way to a plant with dead time stays known.
     """
     origin = measurement if design.tracking_acceleration > 0.0 else reference
-    rest(design, measurement, applied, origin, out)
+    rest(design, measurement, acting(out.delay_line, applied), origin, out)
     out.startup[0] = 0.0
 
 
@@ -99,6 +104,8 @@ def copy_state(state: State, out: State) -> None:
     copy_vector(state.smoothed, out.smoothed)
     out.startup[0] = state.startup[0]
     copy_vector(state.since_sample, out.since_sample)
+    if len(state.delay_line) > 0:
+        copy_line(state.delay_line, out.delay_line)
 
 
 def average_command(state: State, applied: float, elapsed: float) -> None:

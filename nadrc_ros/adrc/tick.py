@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf, isfinite
 
+from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.limiter import clamp, limit
@@ -53,7 +54,11 @@ def tick(
     command, status = step(design, state, reference, measurement, applied, span, out)
     used = status < NO_MEASUREMENT
     if not used:
-        average_command(out, applied, elapsed)
+        acting = applied
+        if design.input_delay > 0.0:
+            line = out.delay_line
+            acting = pass_through(design.input_delay, line, applied, elapsed, line)
+        average_command(out, acting, elapsed)
         command = _without_sample(design, out, applied, elapsed)
     elif elapsed < span and status <= SATURATED:
         # The law counted the rate over the span, of which earlier ticks have had their share.

@@ -7,6 +7,7 @@ an offset that decays makes up for the difference.
 
 from __future__ import annotations
 
+from nadrc_ros.adrc.delay_line import acting, pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.limiter import limit
 from nadrc_ros.adrc.state import blank_state, copy_vector, raw_command, State
@@ -52,7 +53,7 @@ def retune(
         after.levels[0][n] += state.profile[n]
     if new.error_based:
         after.levels[0][n] -= after.profile[n]
-    after.levels[0][n] += (old.b0 - new.b0) * applied
+    after.levels[0][n] += (old.b0 - new.b0) * acting(state.delay_line, applied)
     after.offset[:] = state.offset
     if new.controller_bandwidth < old.controller_bandwidth:
         after.offset[:] = 0.0, sum(state.offset)
@@ -60,6 +61,8 @@ def retune(
     after.startup[:] = state.startup
     after.smoothed[:] = state.smoothed
     after.since_sample[:] = state.since_sample
+    if old.input_delay > 0.0 and new.input_delay > 0.0:  # cut, if it is too long
+        pass_through(new.input_delay, state.delay_line, applied, 0.0, after.delay_line)
     command = limit(old, raw_command(old, state), applied, dt)[0]
     _make_up(new, after, command, applied, dt, 1)
     # The next step will take the reference itself for the profile. That is no noise of one

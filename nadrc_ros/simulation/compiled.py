@@ -39,7 +39,8 @@ import numpy as np
 _LAW = tuple(
     import_module(f'nadrc_ros.adrc.{name}')
     for name in (
-        *('limiter', 'feedback', 'state', 'differentiator', 'observer', 'law', 'transfer'),
+        *('delay_line', 'limiter', 'feedback', 'state', 'differentiator', 'observer', 'law'),
+        'transfer',
         *('supervisor', 'tick', 'sample', 'settings', 'status'),
     )
 )
