@@ -132,7 +132,7 @@ def picture() -> str:
                     0.0 if measured else nan, 0.01, 0.01, 0.0, DESIGN.safe_command + (not at_safe)
                 )
                 elsewhere = there._replace(applied=DESIGN.safe_command + 1.0)
-                rest = measured, referenced, enabled, True, 1.0
+                rest = measured, referenced, enabled, True, 1.0, there.measurement
                 after = supervise(DESIGN, before, there, *rest).mode
                 same = supervise(DESIGN, plain, elsewhere, *rest).mode
                 if after != mode and (label == _name(present) or after != same):

@@ -10,6 +10,7 @@ from typing import Any
 from hypothesis import settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -31,12 +32,19 @@ def design_of(**values: Any) -> Design:
     return make_design(ControllerSettings(**values))
 
 
+def fixed_of(settings: ControllerSettings) -> dict[str, Any]:
+    """Return what no live change may change."""
+    fields = declared(ControllerSettings).items()
+    return {name: getattr(settings, name) for name, field in fields if not field.live}
+
+
 def bits(values: Sequence[float]) -> list[str]:
     return [float(value).hex() for value in values]
 
 
 def state_bits(state: State) -> list[list[str]]:
-    return [bits(row) for row in (*state.levels, state.profile, state.offset, state.startup)]
+    rows = *state.levels, state.profile, state.offset, state.startup, state.angle[1:]
+    return [bits(row) for row in rows]
 
 
 def copy_of(state: State) -> State:
@@ -48,6 +56,7 @@ def copy_of(state: State) -> State:
         list(state.startup),
         list(state.since_sample),
         list(state.delay_line),
+        list(state.angle),
         [list(row) for row in state.scratch],
     ]
     return State(*copy)
@@ -154,6 +163,9 @@ def varied_settings() -> dict[str, dict[str, Any]]:
         'slow': {'command_rate_limit': 2.0, 'structure': 'printed', 'feedback': 'fal'},
         'delay': {'input_delay': 0.0237, 'command_rate_limit': 40.0},
         'long delay': {'input_delay': 0.8, 'plant_order': 1, 'structure': 'cascade'},
+        'angle': {'measurement_period': 0.5, 'command_rate_limit': 200.0},
+        'error-angle': {'measurement_period': 1.0, 'error_based': True, 'plant_order': 1},
+        'angle-td': {'measurement_period': 2.0, 'tracking_acceleration': 5.0, 'levels': 3},
         'narrow': {'command_min': -1.5, 'command_max': 1.5, 'error_based': True},
     }
     return {name: common | case for name, case in cases.items()}

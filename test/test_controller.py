@@ -12,6 +12,7 @@ from law_helpers import (
     at_least,
     bits,
     Chain,
+    fixed_of,
     INF,
     NAMES,
     NAN,
@@ -69,7 +70,7 @@ def script(controller: Controller, seed: int, ticks: int) -> tuple[list[str], li
         y = NAN if spoil > 2.0 else chain.y + 0.01 * v
         if k == ticks // 2:
             b0 = copysign(1.5, controller.settings.b0)
-            controller.retune(ControllerSettings(plant_order=len(chain.x), b0=b0))
+            controller.retune(ControllerSettings(**fixed_of(controller.settings), b0=b0))
         if k == ticks // 3:
             controller.reset()
         controller.enabled = not ticks // 4 < k < ticks // 4 + 20
@@ -91,7 +92,7 @@ def test_p05_the_rate_limit_holds_through_everything(case: str) -> None:
     """Start, bad samples, lost references, disabling, a reset and a change of structure."""
     controller = controller_of(case, command_rate_limit=30.0, reference_timeout=0.05)
     changed = ControllerSettings(
-        plant_order=controller.settings.plant_order,
+        **fixed_of(controller.settings),
         structure='printed',
         command_rate_limit=30.0,
         b0=copysign(3.0, controller.settings.b0),

@@ -75,7 +75,7 @@ def after(
     applied = SAFE_COMMAND if at_safe else ELSEWHERE
     sample = Sample(y if measured else nan, H, H, 0.0, applied, present != NOT_FOLLOWED)
     referenced, limited = present != REFERENCE, present == STALLED
-    return supervise(DESIGN, before, sample, measured, referenced, enabled, limited, 0.0)
+    return supervise(DESIGN, before, sample, measured, referenced, enabled, limited, 0.0, y)
 
 
 @pytest.mark.parametrize('present', Cause)
@@ -124,15 +124,15 @@ def test_p11_enabled_beside_a_working_sensor_the_law_acts_at_once() -> None:
 def test_p19_a_bad_sample_in_between_starts_the_count_again() -> None:
     before = PolicyState(RAMPING, MEASUREMENT, 0.0, 0.0, good=2)
     bad = Sample(nan, H, H, 0.0, ELSEWHERE)
-    assert supervise(DESIGN, before, bad, False, True, True, False, 0.0).good == 0
+    assert supervise(DESIGN, before, bad, False, True, True, False, 0.0, nan).good == 0
     none_came = bad._replace(span=0.0)
-    assert supervise(DESIGN, before, none_came, False, True, True, False, 0.0).good == 2
+    assert supervise(DESIGN, before, none_came, False, True, True, False, 0.0, nan).good == 2
 
 
 def test_p19_a_fault_does_not_end_without_a_sample_whatever_was_good() -> None:
     before = PolicyState(HOLDING, MEASUREMENT, 0.0, 0.0, good=8)
     none_came = Sample(nan, 0.0, H, 0.0, ELSEWHERE)
-    assert supervise(DESIGN, before, none_came, False, True, True, False, 0.0).mode == HOLDING
+    assert supervise(DESIGN, before, none_came, False, True, True, False, 0.0, nan).mode == HOLDING
     assert after(before).mode == OK
 
 

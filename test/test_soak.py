@@ -8,7 +8,7 @@ from random import Random
 import sys
 from typing import Any
 
-from law_helpers import Chain, INF, NAN, varied_settings
+from law_helpers import Chain, fixed_of, INF, NAN, varied_settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.adrc.state import State
@@ -37,7 +37,7 @@ def random_settings(rng: Random, now: ControllerSettings) -> ControllerSettings:
         'reference_timeout': rng.choice((0.0, 0.1)),
         'b0': copysign(rng.uniform(0.1, 10.0), now.b0),
     }
-    return ControllerSettings(**CASES[rng.choice(names)] | changes)
+    return ControllerSettings(**CASES[rng.choice(names)] | changes | fixed_of(now))
 
 
 class Faulty:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf, nan
 
+from nadrc_ros.adrc.angle import counted
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
@@ -255,13 +256,13 @@ class Controller:
 
     @property
     def tracking(self) -> float:
-        """Return the reference the law follows, r1."""
-        return self.state.profile[0]
+        """Return the reference the law follows, r1; of an angle with all turns."""
+        return counted(self.design, self.state, self.state.profile[0])
 
     @property
     def output_estimate(self) -> float:
-        """Return the output as estimated by the level that feeds the law."""
-        return output_estimate(self.design, self.state)
+        """Return the output as the level that feeds the law estimates it, with all turns."""
+        return counted(self.design, self.state, output_estimate(self.design, self.state))
 
     @property
     def disturbances(self) -> list[float]:

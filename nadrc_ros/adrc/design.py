@@ -58,6 +58,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     input_delay: float
     measurement_min: float
     measurement_max: float
+    measurement_period: float
     reference_min: float
     reference_max: float
     max_dt: float

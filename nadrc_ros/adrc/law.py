@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from math import copysign, exp, isfinite
 
+from nadrc_ros.adrc.angle import whole
 from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
@@ -80,6 +81,8 @@ def step(
     if design.input_delay > 0.0:
         line = state.delay_line
         acting = pass_through(design.input_delay, line, applied, dt - known, out.delay_line)
+    if design.measurement_period > 0.0:
+        copy_vector(state.angle, out.angle)
     if dt > design.max_dt:
         return _restart(design, state, reference, measurement, applied, acting, out)
     profile = out.profile
@@ -160,6 +163,8 @@ def _restart(
         if not _usable(reference):
             return _refuse(design, state, applied, out, BAD_REFERENCE)
         profile = reference
+    # Nobody knows how far an angle turned meanwhile: on the short way to where it shall be.
+    measurement -= whole(measurement - profile[0], design.measurement_period)
     rest(design, measurement, acting, profile[0], out)
     copy_vector(profile, out.profile)
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out)

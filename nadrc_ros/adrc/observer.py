@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from math import expm1
 
+from nadrc_ros.adrc.angle import whole
 from nadrc_ros.adrc.design import Design, Matrix, Vector
 
 
@@ -32,6 +33,7 @@ def update(
     """
     Advance every level by one tick of ``dt`` seconds, from ``levels`` (K, N) into ``out`` (K, N).
 
+    Of the ``measurement`` of an angle it takes the equivalent nearest to what level 1 predicts.
     ``applied`` is the command that acted since the last tick; ``speed`` scales all bandwidths;
     ``scratch`` (K + 2, N) keeps the gains of the last ``dt``.
     """
@@ -45,6 +47,7 @@ def update(
     received = design.b0 * applied
     reach = design.reach
     nonlinear, chained = design.nonlinear, design.chained
+    wraps = design.measurement_period > 0.0
     # While loops: half the time of range() in plain Python.
     k = 0
     while k < count:
@@ -69,6 +72,10 @@ def update(
             j -= 1
         ahead += x[0]
         innovation = measurement - ahead
+        if wraps:  # all levels get the equivalent that is nearest for level 1
+            measurement -= whole(innovation, design.measurement_period)
+            innovation = measurement - ahead
+            wraps = False
         if nonlinear:
             gains = softened(gains, abs(innovation) / design.eso_delta, scratch[count + 1])
         z[0] = ahead + gains[0] * innovation

@@ -190,6 +190,15 @@ class ControllerSettings:
     reference_max: float = _signal(
         HIGHEST, 'reference unit', 'highest reference that is taken; one above counts as none'
     )
+    measurement_period: float = number(
+        0.0,
+        0.0,
+        HIGHEST,
+        'output unit',
+        'period of an angle, as 6.283185307179586 or 360: measurement and reference mean the same '
+        'a period further; 0 = no angle',
+        live=False,
+    )
     measurement_timeout: float = _seconds(
         0.25, 'silence of valid measurements that starts the fault action; 0 = off'
     )
@@ -235,6 +244,15 @@ class ControllerSettings:
         if self.reference_derivatives == 'differentiator' and self.tracking_acceleration == 0.0:
             raise SettingError(
                 'tracking_acceleration', 0.0, 'above 0 with reference_derivatives = differentiator'
+            )
+        travel = self.measurement_max - self.measurement_min
+        if self.measurement_period > travel:
+            raise SettingError(
+                'measurement_period',
+                self.measurement_period,
+                f'at most measurement_max - measurement_min = {travel:g}, or 0: where the output '
+                'cannot turn all the way round, as in a joint with end stops, the short way ends '
+                'at a stop',
             )
         n = self.plant_order
         self._check_length('fal_gains', n)

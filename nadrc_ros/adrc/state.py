@@ -7,7 +7,7 @@ rollback and a bumpless change of settings are ordinary assignments.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 
 import attrs
 from nadrc_ros.adrc.delay_line import acting, blank_line, copy_line
@@ -28,9 +28,10 @@ class State:
     once and twice. ``startup`` (1,) is how far the observers are through their rise after the
     first start, from 0 to 1. ``since_sample`` (2,) is the mean command of the ticks without a
     sample that followed the last one, and their time [s]. ``delay_line`` is what is on its way to
-    a plant with dead time, empty without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``scratch``
-    (K + 2, N) remembers the observer gains of the last time step: it changes the speed of a step,
-    and nothing else.
+    a plant with dead time, empty without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``angle``
+    (3,) is of an angle: the last reference received, nan before it, the equivalent of it that is
+    followed, and the turns that were taken off all of these. ``scratch`` (K + 2, N) remembers the
+    observer gains of the last time step: it changes the speed of a step, and nothing else.
     """
 
     levels: Matrix
@@ -40,6 +41,7 @@ class State:
     startup: Vector
     since_sample: Vector
     delay_line: Vector
+    angle: Vector
     scratch: Matrix
 
 
@@ -53,6 +55,7 @@ def blank_state(design: Design) -> State:
         [0.0],
         [0.0, 0.0],
         blank_line(design.input_delay),
+        [nan, 0.0, 0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
     )
 
@@ -69,6 +72,7 @@ def start(
     origin = measurement if design.tracking_acceleration > 0.0 else reference
     rest(design, measurement, acting(out.delay_line, applied), origin, out)
     out.startup[0] = 0.0
+    out.angle[2] = 0.0
 
 
 def rest(design: Design, measurement: float, applied: float, origin: float, out: State) -> None:
@@ -106,6 +110,7 @@ def copy_state(state: State, out: State) -> None:
     copy_vector(state.since_sample, out.since_sample)
     if len(state.delay_line) > 0:
         copy_line(state.delay_line, out.delay_line)
+    copy_vector(state.angle, out.angle)
 
 
 def average_command(state: State, applied: float, elapsed: float) -> None:
@@ -148,7 +153,7 @@ def match_command(design: Design, state: State, command: float) -> None:
 
 
 def output_estimate(design: Design, state: State) -> float:
-    """Return y as the level that feeds the law estimates it."""
+    """Return y as the level that feeds the law estimates it; of an angle without some turns."""
     estimate = state.levels[design.feedback_level][0]
     return estimate + state.profile[0] if design.error_based else estimate
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from math import inf, nan
 from typing import NamedTuple
 
+from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.status import (
@@ -82,13 +83,14 @@ def supervise(
     enabled: bool,
     limited: bool,
     aim: float,
+    seen: float,
 ) -> PolicyState:
     """
     Advance the policy by one tick.
 
     ``used`` says whether the law took the sample, ``referenced`` whether a reference was received,
     ``limited`` whether the law asks for more than a limit that is not the safe one, on its way to
-    ``aim``.
+    ``aim``. ``seen`` is the measurement, that of an angle with all turns.
 
     The law takes over after ``good_samples`` valid samples in a row, at one that is not odd: no
     more than twice as far from the one before as those shortly before were. The step to an odd one
@@ -99,14 +101,16 @@ def supervise(
     """
     good, last, spread, odd = before.good, before.last, before.spread, False
     if used:
-        jump = abs(sample.measurement - last)  # nan before the first
+        jump = abs(seen - last)  # nan before the first
+        if design.measurement_period > 0.0:
+            jump = abs(short(jump, design.measurement_period))
         if good == 0:
             jump = spread = 0.0
         odd = jump > _ODD * spread
         spread *= 0.5
         if jump > spread:
             spread = jump
-        last = sample.measurement
+        last = seen
         good += 1
     elif sample.span > 0.0:  # else no sample came, which is not a bad one
         good = 0

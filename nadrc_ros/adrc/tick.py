@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf, isfinite
 
+from nadrc_ros.adrc.angle import counted, receive, recentre, unwrapped, whole
 from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.law import step
@@ -12,7 +13,7 @@ from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import average_command, match_command, raw_command, start, State
 from nadrc_ros.adrc.status import HOLDING, MODE_OK, NO_MEASUREMENT, REFERENCE_TIMEOUT, SATURATED
 from nadrc_ros.adrc.supervisor import PolicyState, supervise
-from nadrc_ros.adrc.transfer import adopt_reference, restart_profile
+from nadrc_ros.adrc.transfer import adopt_reference, restart_profile, turn_profile
 
 
 def tick(
@@ -29,7 +30,8 @@ def tick(
     Advance law and policy by one tick; return command, status and the policy's state.
 
     ``reference`` (n+1,) is the last one received, ``referenced`` whether that was in this tick;
-    before the first it is written here: the first valid measurement, held.
+    before the first it is written here: the first valid measurement, held. That of an angle is
+    written in any case: the equivalent that the law follows.
 
     In this order, which is that of what is known when:
 
@@ -46,10 +48,14 @@ def tick(
     """
     measurement, applied, elapsed = sample.measurement, sample.applied, sample.elapsed
     span = policy.gap + sample.span
+    period = design.measurement_period
+    if period > 0.0 and referenced:
+        receive(design, state, reference)
     possible = design.measurement_min <= measurement <= design.measurement_max
     if possible and policy.measurement_age == inf:
         if policy.reference_age == inf and not referenced:
             _hold(reference, measurement)
+        reference[0] -= whole(reference[0] - measurement, period)
         start(design, measurement, applied, reference[0], state)
     command, status = step(design, state, reference, measurement, applied, span, out)
     used = status < NO_MEASUREMENT
@@ -65,7 +71,12 @@ def tick(
         command, limiting = limit(design, command, applied, elapsed)
         status = max(status, limiting)
     limited = status == SATURATED and command != design.safe_command
-    after = supervise(design, policy, sample, used, referenced, enabled, limited, out.profile[0])
+    seen, aim = measurement, out.profile[0]
+    if period > 0.0:
+        recentre(design, out, reference)
+        measurement = unwrapped(design, out, measurement)
+        seen, aim = counted(design, out, measurement), counted(design, out, out.profile[0])
+    after = supervise(design, policy, sample, used, referenced, enabled, limited, aim, seen)
     mode = after.mode
     lost = after.cause == REFERENCE_TIMEOUT
     if (lost or design.max_dt < after.reference_age < inf) and _moves(reference):
@@ -81,6 +92,8 @@ def tick(
             command = limit(design, command, applied, elapsed)[0]
     elif not lost:
         command = clamp(design, applied)
+    if period > 0.0:
+        out.angle[1] = reference[0]
     return command, status, after
 
 
@@ -106,11 +119,16 @@ def _take_over(
     Make the state one whose command is ``applied``.
 
     Where the profile of a differentiator was not followed, it starts anew from where the plant is:
-    meanwhile it went to the reference, and to jump there is what it is to prevent.
+    meanwhile it went to the reference, and to jump there is what it is to prevent. The reference
+    of an angle goes to the equivalent nearest to the plant, which somebody may have turned.
     """
     if reference_age == inf:
         _hold(reference, measurement)
     followed = before.mode == HOLDING and before.cause == REFERENCE_TIMEOUT
+    away = whole(reference[0] - measurement, design.measurement_period)
+    if away != 0.0 and not followed:
+        reference[0] -= away
+        turn_profile(design, away, out)
     if reference_age == inf or (design.tracking_acceleration > 0.0 and not followed):
         restart_profile(design, measurement, out)
     match_command(design, out, applied)

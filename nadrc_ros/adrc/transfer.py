@@ -63,6 +63,7 @@ def retune(
     after.since_sample[:] = state.since_sample
     if old.input_delay > 0.0 and new.input_delay > 0.0:  # cut, if it is too long
         pass_through(new.input_delay, state.delay_line, applied, 0.0, after.delay_line)
+    after.angle[:] = state.angle
     command = limit(old, raw_command(old, state), applied, dt)[0]
     _make_up(new, after, command, applied, dt, 1)
     # The next step will take the reference itself for the profile. That is no noise of one
@@ -84,6 +85,18 @@ def restart_profile(design: Design, start_value: float, state: State) -> None:
             for k in range(design.levels if i < design.order else 1):
                 state.levels[k][i] += state.profile[i] - origin
         state.profile[i] = origin
+    change = raw_command(design, state) - before
+    state.smoothed[0] += change
+    state.smoothed[1] += change
+
+
+def turn_profile(design: Design, away: float, state: State) -> None:
+    """Take whole periods off the profile; error-based estimates move along with it."""
+    before = raw_command(design, state)
+    state.profile[0] -= away
+    if design.error_based:
+        for k in range(design.levels):
+            state.levels[k][0] += away
     change = raw_command(design, state) - before
     state.smoothed[0] += change
     state.smoothed[1] += change

@@ -22,6 +22,7 @@ from types import FunctionType
 from typing import Any
 
 from nadrc_ros.adrc import law, observer, transfer
+from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate, rest, start
@@ -39,8 +40,8 @@ import numpy as np
 _LAW = tuple(
     import_module(f'nadrc_ros.adrc.{name}')
     for name in (
-        *('delay_line', 'limiter', 'feedback', 'state', 'differentiator', 'observer', 'law'),
-        'transfer',
+        *('delay_line', 'limiter', 'feedback', 'state', 'angle', 'differentiator', 'observer'),
+        *('law', 'transfer'),
         *('supervisor', 'tick', 'sample', 'settings', 'status'),
     )
 )
@@ -139,20 +140,21 @@ def compiled_loop(
                 if not fine:
                     break
             command, status, policy = u, now, decided
-            followed = spare.profile[0] if tracking else r[0]
+            followed = counted(design, spare, spare.profile[0]) if tracking else r[0]
+            error = short(followed - y, design.measurement_period)
             saturated = u <= design.command_min or u >= design.command_max
-            accumulate(acc, t, h, followed - y, u, saturated)
+            accumulate(acc, t, h, error, u, saturated)
             accumulate_remainders(design, spare, truth, t, h, remainders)
             counts[status] += 1
             if k < len(rows):
                 row = rows[k]
                 row[0] = t
                 row[1] = r[0]
-                row[2] = spare.profile[0]
+                row[2] = counted(design, spare, spare.profile[0])
                 row[3] = y
                 row[4] = measurement
                 row[5] = u
-                row[6] = output_estimate(design, spare)
+                row[6] = counted(design, spare, output_estimate(design, spare))
                 row[7] = disturbance_estimate(design, spare)
                 row[8] = truth
                 for level in range(design.levels):

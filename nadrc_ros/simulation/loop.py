@@ -6,6 +6,7 @@ from collections.abc import Callable
 from math import nan
 
 import attrs
+from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.experiment import Experiment
@@ -117,7 +118,8 @@ class Loop:
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
         truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - now.b0) * u
-        self.metrics.add(t, h, followed - y, u, saturated)
+        error = short(followed - y, controller.design.measurement_period)
+        self.metrics.add(t, h, error, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
         if len(rows):
