@@ -229,6 +229,7 @@ def test_p11_a_cascade_that_starts_in_motion_takes_over_from_there() -> None:
     [
         ({'command_max': 3.0, 'inner_reference_max': 2.0}, 'command_max.*reference_max = 2.0'),
         ({'command_min': -3.0, 'inner_reference_min': -2.0}, 'command_min.*reference_min = -2.0'),
+        ({'inner_measurement_period': 6.28}, 'measurement_period = 6.28: must be 0 of the inner'),
     ],
 )
 def test_commands_that_the_inner_loop_would_not_take_are_refused(

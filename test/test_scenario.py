@@ -145,7 +145,7 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
         (
             'variance: 1e-4',
             'signal: sine, varianze: 1',
-            r'noise\.varianze: .* frequency.*; of the random noise variance, sample_time$',
+            r'noise\.varianze: .* frequency.*; of the random noise variance, .*$',
         ),
         ('variance: 1e-4', 'variance: -1', r'noise\.variance = -1\.0: must be a finite number'),
         ('seed: 7', 'seed: -7', r'^seed = -7: must be an integer'),

@@ -31,7 +31,7 @@ class CascadeSettings(ControllerSettings):
 
     def __attrs_post_init__(self) -> None:
         super().__attrs_post_init__()
-        refuse_beyond_reference(self, self.inner)
+        refuse_unfit(self, self.inner)
 
     def check_rate(self, rate: float) -> None:
         """Refuse times that are too short for a loop at ``rate`` [Hz], in every loop."""
@@ -42,18 +42,21 @@ class CascadeSettings(ControllerSettings):
             raise error.inside('inner') from None
 
 
-def refuse_beyond_reference(
+def refuse_unfit(
     outer: ControllerSettings, inner: ControllerSettings, of: str = 'the inner loop'
 ) -> None:
     """
-    Refuse a range of commands that is not inside that of the references which a loop takes.
+    Refuse an inner loop that would not take every command of the outer one as it is.
 
     Raises
     ------
     SettingError
-        Names the limit of the command, and the one ``of`` the inner loop.
+        Names the limit of the command, and that ``of`` the inner loop; or the period of an angle.
 
     """
+    if inner.measurement_period > 0.0:
+        allowed = f'0 of {of}: it would follow another command than the one that it is given'
+        raise SettingError('measurement_period', inner.measurement_period, allowed)
     if outer.command_min < inner.reference_min:
         allowed = f'at least reference_min = {inner.reference_min!r} of {of}'
         raise SettingError('command_min', outer.command_min, allowed)

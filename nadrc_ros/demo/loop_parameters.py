@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.cascade import CascadeSettings
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -28,6 +29,11 @@ def node_parameters(
 ) -> dict[str, Parameters]:
     """Return the parameters of each node of the loop of controller ``name``."""
     settings = scenario.controllers[name]
+    if isinstance(settings, CascadeSettings):
+        raise ScenarioError(
+            f'controllers.{name} is a cascade, and a plant node measures the output alone: nadrc '
+            'simulate runs it, and controller --axes with a sensor for each loop'
+        )
     plant: Parameters = {
         'plant': scenario.plant.file or scenario.plant.name,
         'plant_class': scenario.plant.class_name,

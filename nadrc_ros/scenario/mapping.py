@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 from typing import Any, TypeVar
 
+from nadrc_ros.adrc.cascade import CascadeSettings
 from nadrc_ros.adrc.errors import SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared, refuse_unknown_keys
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -32,7 +33,7 @@ _NEEDED = {
     'controllers': 'controllers:',
 }
 _FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
-_RANDOM_NOISE = ('variance', 'sample_time')
+_RANDOM_NOISE = ('variance', 'sample_time', 'derivative_variances')
 _SOURCES = tuple(key for key in SignalSpec.keys if key != 'class')
 _LIMITS = ('command_min', 'command_max', 'command_rate_limit')
 # At least so many periods, where a controller does not say otherwise.
@@ -45,7 +46,9 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
 
     In a controller, ``plant_order`` and ``b0`` may be left out and
     are then those of the plant, and times of silence at least some periods; ``limits`` apply to
-    every controller that does not say otherwise.
+    every controller that does not say otherwise. One with ``inner`` settings is a cascade: the
+    limits are those of the innermost loop, its order and b0 what the loops around it, by default
+    of order 1 and b0 = 1, leave of the plant.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         'reference': scenario.reference.as_given(),
         'disturbance': scenario.disturbance.as_given(),
         'noise': {
-            **{key: getattr(noise, key) for key in _RANDOM_NOISE},
+            **_not_default(noise, 'variance', 'sample_time', without='seed'),
             **({} if added == SignalSpec() else added.as_given()),
         },
         'faults': {
@@ -188,8 +191,25 @@ def _controllers(data: Any, limits: dict[str, Any], plant: Plant) -> dict[str, C
         path = f'controllers.{name}'
         defaults = {'plant_order': plant.order, 'b0': float(plant.b0), **limits}
         own = _mapping({} if values is None else values, path)
-        controllers[name] = build(ControllerSettings, defaults | own, path)
+        controllers[name] = _controller(own, defaults, path)
     return controllers
+
+
+def _controller(own: dict[str, Any], defaults: dict[str, Any], path: str) -> ControllerSettings:
+    """Return a controller; ``defaults`` are of the innermost loop, if it is a cascade."""
+    if 'inner' not in own:
+        return build(ControllerSettings, defaults | own, path)
+    around = {key: value for key, value in defaults.items() if key in _FEWEST_PERIODS}
+    around = {'plant_order': 1, 'b0': 1.0, **around, **own}
+    order = around['plant_order']
+    left = defaults['plant_order'] - order if isinstance(order, int) else 1
+    if not left > 0:
+        allowed = 'less than the order of the plant: the inner loop needs some of it'
+        raise SettingError(f'{path}.plant_order', order, allowed)
+    inside = f'{path}.inner'
+    inner = _mapping({} if own['inner'] is None else own['inner'], inside)
+    around['inner'] = _controller(inner, defaults | {'plant_order': left}, inside)
+    return build(CascadeSettings, around, path)
 
 
 def _times_of_periods(rate: Any) -> dict[str, float]:
@@ -229,14 +249,16 @@ def _retunes(data: Any) -> tuple[Retune, ...]:
 
 def _settings(settings: ControllerSettings) -> dict[str, Any]:
     """Return what differs from the defaults, and what would else come from the plant."""
-    return _not_default(settings, 'plant_order', 'b0', 'structure', *_FEWEST_PERIODS)
+    own = _not_default(settings, 'plant_order', 'b0', 'structure', *_FEWEST_PERIODS)
+    inner = {'inner': _settings(settings.inner)} if isinstance(settings, CascadeSettings) else {}
+    return own | inner
 
 
-def _not_default(settings: Any, *always: str) -> dict[str, Any]:
+def _not_default(settings: Any, *always: str, without: str = '') -> dict[str, Any]:
     return {
         name: getattr(settings, name)
         for name, setting in declared(type(settings)).items()
-        if name in always or getattr(settings, name) != setting.default
+        if name != without and (name in always or getattr(settings, name) != setting.default)
     }
 
 

@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.cascade import loops_of
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -33,7 +34,8 @@ class Scenario(Conditions):
     noise_signal
         What is added to each measurement beside the noise.
     controllers
-        Settings by name; a name is also a ROS namespace. The plant order is that of the plant.
+        Settings by name; a name is also a ROS namespace. The plant order is that of the plant; of
+        a cascade, the orders of its loops make that together.
     retunes
         Changes of settings on the way, in order of time, for every controller.
     experiment
@@ -148,13 +150,13 @@ def _check_controllers(
             raise SettingError(
                 'controllers', name, 'named by letters, digits and _, no digit first (a ROS name)'
             )
-        if settings.plant_order != plant.order:
-            raise SettingError(
-                f'controllers.{name}.plant_order',
-                settings.plant_order,
-                f'{plant.order}, the order of the plant',
-            )
+        *outer, innermost = [each.plant_order for each in loops_of(settings)]
+        left = plant.order - sum(outer)
         try:
+            if innermost != left:
+                where = 'inner.' * len(outer) + 'plant_order'
+                less = f' less the {sum(outer)} of the loops around it' if outer else ''
+                raise SettingError(where, innermost, f'{left}, the order of the plant{less}')
             settings.check_rate(rate)
         except SettingError as error:
             raise error.inside(f'controllers.{name}') from None
@@ -180,6 +182,10 @@ def _checked_retunes(
             if key not in live:
                 raise SettingError(f'{path}.{key}', value, 'left out: it is fixed at the start')
         for name, settings in merged.items():
+            if len(loops_of(settings)) > 1:
+                raise ScenarioError(
+                    f'{path}: controllers.{name} is a cascade, and keeps its settings'
+                )
             merged[name] = _merge(path, name, settings, retune)
         after = next(iter(merged.values()))
         values = {key: getattr(after, key) for key in retune.settings}

@@ -23,12 +23,14 @@ from typing import Any
 
 from nadrc_ros.adrc import law, observer, transfer
 from nadrc_ros.adrc.angle import counted, short
+from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate, rest, start
+from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
-from nadrc_ros.simulation.loop import FIRST_LEVEL
+from nadrc_ros.simulation.loop import FIRST_LEVEL, ROW_WIDTH
 from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
 from nadrc_ros.simulation.protocols import probe_states, total_disturbance
 import numba
@@ -42,7 +44,7 @@ _LAW = tuple(
     for name in (
         *('delay_line', 'limiter', 'feedback', 'state', 'angle', 'differentiator', 'observer'),
         *('law', 'transfer'),
-        *('supervisor', 'tick', 'sample', 'settings', 'status'),
+        *('supervisor', 'tick', 'sample', 'settings', 'status', 'realised'),
     )
 )
 _SIMULATION = (integrate, total_disturbance, accumulate, accumulate_remainders)
@@ -88,14 +90,25 @@ def unowned(context: Any, value: Any) -> Any:
 def compiled_loop(
     derivative: Any, output: Any, references: Any, disturbances: Any
 ) -> Callable[..., Any]:
-    """Return the loop for these methods; it is compiled, or read from disk, at its first call."""
+    """
+    Return the loop for these methods; it is compiled, or read from disk, at its first call.
+
+    With an ``outer`` that is not None it is a cascade of two loops, which is compiled apart.
+    """
     methods = derivative, output, references, disturbances
     share_law()
     for function in (*methods, *_SIMULATION):
         _register(function)
 
     def loop(
-        things: Any, law: Any, buffers: Any, constants: Any, begin: Any, sums: Any, rows: Any
+        things: Any,
+        law: Any,
+        buffers: Any,
+        constants: Any,
+        begin: Any,
+        sums: Any,
+        rows: Any,
+        outer: Any,
     ) -> Any:
         plant, reference_signal, disturbance = unowned(things)
         design, state, spare = unowned(law)
@@ -104,6 +117,12 @@ def compiled_loop(
         k, stop, noise_start, command, policy = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
+        facing, around, asked, asked_status = design, policy, 0.0, 0
+        if outer is not None:
+            facing, outer_state, outer_spare, rate_noise, inner_reference, outer_counts = unowned(
+                outer[0]
+            )
+            controlled, asked, around = outer[1]
         h = 1.0 / rate
         first = k
         lost = isnan(x[0])
@@ -116,7 +135,7 @@ def compiled_loop(
             # What is out of the ordinary ends this before the period is done, with all as it was
             # at its begin. Plain Python does the period then: there a plant of a user's raises,
             # with its line, what compiled is a silent nan.
-            usable = design.reference_min <= r[0] <= design.reference_max
+            usable = facing.reference_min <= r[0] <= facing.reference_max
             for i in range(len(r)):
                 usable = usable and LOWEST <= r[i] <= HIGHEST
             if not usable:
@@ -125,8 +144,25 @@ def compiled_loop(
                 reference[i] = r[i] if i < known and i < len(r) else 0.0
             y = output(plant, x)
             measurement = y + noise[k - noise_start]
-            sample = Sample(measurement, h, h, 0.0, command, True)
-            u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
+            if outer is None:
+                sample = Sample(measurement, h, h, 0.0, command, True)
+                u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
+            else:
+                acted = realised_reference(design, state, policy, command, asked)
+                if not LOWEST <= acted <= HIGHEST:
+                    break
+                sample = Sample(measurement, h, h, 0.0, acted, policy.mode == MODE_OK)
+                asking, asked_now, asked_decided = tick(
+                    facing, outer_state, around, sample, reference, True, True, outer_spare
+                )
+                if not design.reference_min <= asking <= design.reference_max:
+                    break
+                inner_reference[0] = asking
+                measured_rate = x[controlled] + rate_noise[k - noise_start]
+                sample = Sample(measured_rate, h, h, 0.0, command, True)
+                u, now, decided = tick(
+                    design, state, policy, sample, inner_reference, True, True, spare
+                )
             disturbances(disturbance, t, w)
             truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
             truth += (b0 - design.b0) * u
@@ -140,8 +176,14 @@ def compiled_loop(
                 if not fine:
                     break
             command, status, policy = u, now, decided
-            followed = counted(design, spare, spare.profile[0]) if tracking else r[0]
-            error = short(followed - y, design.measurement_period)
+            if outer is None:
+                tracked = counted(design, spare, spare.profile[0])
+                estimate = counted(design, spare, output_estimate(design, spare))
+            else:
+                tracked = counted(facing, outer_spare, outer_spare.profile[0])
+                estimate = counted(facing, outer_spare, output_estimate(facing, outer_spare))
+            followed = tracked if tracking else r[0]
+            error = short(followed - y, facing.measurement_period)
             saturated = u <= design.command_min or u >= design.command_max
             accumulate(acc, t, h, error, u, saturated)
             accumulate_remainders(design, spare, truth, t, h, remainders)
@@ -150,19 +192,28 @@ def compiled_loop(
                 row = rows[k]
                 row[0] = t
                 row[1] = r[0]
-                row[2] = counted(design, spare, spare.profile[0])
+                row[2] = tracked
                 row[3] = y
                 row[4] = measurement
                 row[5] = u
-                row[6] = counted(design, spare, output_estimate(design, spare))
+                row[6] = estimate
                 row[7] = disturbance_estimate(design, spare)
                 row[8] = truth
                 for level in range(design.levels):
                     row[FIRST_LEVEL + level] = spare.levels[level][design.order]
+                if outer is not None:
+                    row[ROW_WIDTH] = asking
+                    row[ROW_WIDTH + 1] = x[controlled]
+                    row[ROW_WIDTH + 2] = measured_rate
             state, spare = spare, state
+            if outer is not None:
+                outer_state, outer_spare = outer_spare, outer_state
+                asked, asked_status, around = asking, asked_now, asked_decided
+                outer_counts[asked_now] += 1
             x, x_next = x_next, x
             k += 1
-        return k, status, command, policy, (k - first) % 2
+        parity = (k - first) % 2
+        return k, status, command, policy, parity, (asked_status, asked, around)
 
     known = _named_by_source(loop, (*methods, *_SIMULATION))
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=known)(loop)

@@ -12,15 +12,18 @@ import pickle
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.cascade import CascadeSettings
+from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.adrc.supervisor import PolicyState
 from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.integrate import make_work
-from nadrc_ros.simulation.loop import Array, Loop, ROW_WIDTH
+from nadrc_ros.simulation.loop import Array, Loop, row_width
 from nadrc_ros.simulation.protocols import probe_states
 import numpy as np
 
@@ -47,38 +50,77 @@ class Kernel:
     def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
         """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""
         experiment, plant_run, running = loop.experiment, loop.plant_run, loop.controller
+        *around, _ = loop.cascade.loops
+        if len(around) > 1 or (around and not self._cascade_believed(experiment)):
+            return False
         states = [tuple_of(state) for state in (running.state, blank_state(running.design))]
         acc, remainders = np.array(loop.metrics.sums), np.array(loop.remainders)
-        counts = np.zeros(len(Status), dtype=np.int64)
-        reference = np.array(running.reference)
+        counts = np.zeros((2, len(Status)), dtype=np.int64)
+        facing = around[0] if around else running
+        outer_states = [tuple_of(state) for state in (facing.state, blank_state(facing.design))]
+        reference, inner_reference = np.array(facing.reference), np.array(running.reference)
         r, w = np.zeros(REFERENCE_DERIVATIVES + 1), np.zeros(1)
         xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
-        known = 1 + running.settings.received_derivatives
+        known = 1 + facing.settings.received_derivatives
         tracking = experiment.error == 'tracking'
+        outer = None
+        if around:
+            buffers = loop.inner_noise[0], inner_reference, counts[1]
+            parts = (tuple_of(facing.design), *outer_states, *buffers)
+            outer = parts, (loop.derivatives[0], facing.command, facing.policy)
         try:
-            k, status, command, policy, last = self.compiled(
+            k, status, command, policy, last, outcome = self.compiled(
                 self.fields,
                 (tuple_of(running.design), *states),
                 (loop.noise, r, reference, *xs, w, np.array(make_work(xs.shape[1]))),
                 (experiment.rate, plant_run.substeps, float(plant_run.plant.b0), known, tracking),
                 (plant_run.k, stop, loop.noise_start, running.command, running.policy),
-                (acc, remainders, counts),
+                (acc, remainders, counts[0]),
                 rows,
+                outer,
             )
         except Exception:  # what is wrong with a plant is told by running it in plain Python
             return False
         if k > plant_run.k:
             plant_run.k = k
             plant_run.state = xs[last].tolist()
-            running.state = State(*(part.tolist() for part in states[last]))
-            running.reference[:] = reference.tolist()
-            running.policy = policy
-            running.command = command
-            running.status = Status(status)
-            for each in Status:
-                running.counts[each] += int(counts[each])
             loop.metrics.sums, loop.remainders = acc.tolist(), remainders.tolist()
+            if around:
+                state, (said, asked, decided) = outer_states[last], outcome
+                _go_on(facing, state, reference, said, asked, decided, counts[1])
+                reference = inner_reference
+            _go_on(running, states[last], reference, status, command, policy, counts[0])
         return True
+
+    def _cascade_believed(self, experiment: Experiment) -> bool:
+        """Compare the first periods of a cascade with plain Python, once for these methods."""
+        verdict = _verdict((*self.methods, CascadeSettings), b'')
+        if not verdict:
+            verdict.append(True)  # while it is compared
+            plant = experiment.plant
+            inner = ControllerSettings(plant_order=plant.order - 1, b0=plant.b0)
+            settings = CascadeSettings(plant_order=1, inner=inner)
+            verdict[0] = _agrees(self, experiment, [0.0] * plant.states, settings)
+        return verdict[0]
+
+
+def _go_on(
+    controller: Controller,
+    state: Any,
+    reference: Any,
+    status: int,
+    command: float,
+    policy: PolicyState,
+    counts: Any,
+) -> None:
+    """Let a controller go on from where the compiled loop left it."""
+    controller.state = State(*(part.tolist() for part in state))
+    controller.reference[:] = reference.tolist()
+    controller.policy = policy
+    controller.command = command
+    controller.status = Status(status)
+    for each in Status:
+        controller.counts[each] += int(counts[each])
 
 
 def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None) -> Kernel | None:
@@ -119,14 +161,19 @@ def _believed(
             return False
         with announced(kernel.compiled, say) if say is not None else nullcontext():
             states = probe_states(experiment.plant.states)
-            return all(_agrees(kernel, experiment, x) for x in states[: None if foreign else 1])
+            settings = ControllerSettings(
+                plant_order=experiment.plant.order, b0=experiment.plant.b0
+            )
+            states = states[: None if foreign else 1]
+            return all(_agrees(kernel, experiment, x, settings) for x in states)
     except Exception:
         return False
 
 
-def _agrees(kernel: Kernel, experiment: Experiment, x: list[float]) -> bool:
+def _agrees(
+    kernel: Kernel, experiment: Experiment, x: list[float], settings: ControllerSettings
+) -> bool:
     """Compare the first periods from a state with plain Python."""
-    plant = experiment.plant
     short = attrs.evolve(
         experiment,
         initial_state=tuple(x),
@@ -135,9 +182,8 @@ def _agrees(kernel: Kernel, experiment: Experiment, x: list[float]) -> bool:
         faults=Faults(),
         settle_time=0.0,
     )
-    settings = ControllerSettings(plant_order=plant.order, b0=plant.b0)
     plain, fast = Loop(short, settings), Loop(short, settings)
-    rows = np.full((2, short.steps, ROW_WIDTH), np.nan)
+    rows = np.full((2, short.steps, row_width(settings)), np.nan)
     went: list[bool] = []
 
     def watched(*now: Any) -> bool:

@@ -7,7 +7,7 @@ from math import nan
 
 import attrs
 from nadrc_ros.adrc.angle import short
-from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.cascade import Cascade, loops_of
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, SentSample
@@ -17,13 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-# A row: these, then one estimate per level.
+# A row: these, then one estimate per level, then of each inner loop of a cascade its own columns.
 COLUMNS = (
     *('time', 'reference', 'tracking', 'output', 'measurement', 'command'),
     *('output_estimate', 'disturbance_estimate', 'total_disturbance'),
 )
 FIRST_LEVEL = len(COLUMNS)
 ROW_WIDTH = FIRST_LEVEL + MAX_LEVELS
+INNER_COLUMNS = ('reference', 'output', 'measurement')
 # Periods between two draws of noise: the memory of a run of any length.
 _NOISE_BLOCK = 8192
 
@@ -35,31 +36,40 @@ Kernel = Callable[['Loop', int, Array], bool]
 
 class Loop:
     """
-    One run of one controller in an experiment.
+    One run of one controller, or of those of a cascade, in an experiment.
 
     Attributes
     ----------
     plant_run, controller
-        The plant, with the number k of the next period, and what controls it.
+        The plant, with the number k of the next period, and what commands it.
+    cascade
+        That controller as the innermost loop, with those around it: the first one follows the
+        reference.
+    derivatives
+        Which derivative of the output each inner loop of it controls.
     metrics
         The figures of merit so far.
     remainders
         The sums of :func:`~nadrc_ros.simulation.metrics.accumulate_remainders`.
     levels
         The largest number of levels that was in use.
-    noise, noise_start
-        A block of noise, and its first period.
+    noise, inner_noise, noise_start
+        A block of noise, of the output and for each inner loop, and its first period.
 
     """
 
     def __init__(self, experiment: Experiment, settings: ControllerSettings) -> None:
         self.experiment = experiment
         self.plant_run = experiment.plant_run()
-        self.controller = Controller(settings, checked=not experiment.faults.blind)
+        self.cascade = Cascade(settings, checked=not experiment.faults.blind)
+        self.controller = self.cascade.loops[-1]
+        orders = [each.plant_order for each in loops_of(settings)]
+        self.derivatives = [sum(orders[: i + 1]) for i in range(len(orders) - 1)]
         self.metrics = Metrics(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
+        self.inner_noise = [np.zeros(0) for _ in self.derivatives]
         self.noise_start = 0
         self._newest = SentSample(nan, -1.0, -1)
         self._settings = settings
@@ -70,7 +80,7 @@ class Loop:
 
     def run(self, rows: Array, kernel: Kernel | None = None) -> None:
         """
-        Go on to the end, writing a row per period if ``rows`` (steps, ``ROW_WIDTH``) has any.
+        Go on to the end, writing a row per period if ``rows`` (steps, :func:`row_width`) has any.
 
         Periods that the kernel leaves are done here: those in which settings change or something
         goes wrong.
@@ -81,7 +91,11 @@ class Loop:
         while plant_run.k < steps:
             drawn = self.noise_start + len(self.noise)
             if plant_run.k == drawn:
-                self.noise = plant_run.noise_block(drawn, min(_NOISE_BLOCK, steps - drawn))
+                count = min(_NOISE_BLOCK, steps - drawn)
+                self.noise = plant_run.noise_block(drawn, count)
+                self.inner_noise = [
+                    plant_run.derivative_noise_block(m, drawn, count) for m in self.derivatives
+                ]
                 self.noise_start = drawn
                 drawn += len(self.noise)
             if kernel is not None and self._regular():
@@ -103,6 +117,7 @@ class Loop:
     def _period(self, rows: Array) -> None:
         """Advance by one period in plain Python."""
         experiment, plant_run, controller = self.experiment, self.plant_run, self.controller
+        outer, *inner = self.cascade.loops
         k, h = plant_run.k, experiment.period
         t = k / experiment.rate
         while self._changes and self._changes[0][0] <= k:
@@ -110,15 +125,18 @@ class Loop:
             controller.retune(self._settings)
         r = sample_reference(experiment.reference, k, experiment.rate)
         y = plant_run.output
-        measured = y + float(self.noise[k - self.noise_start])
-        measurement, dt = self._take(plant_run.faults.deliver(k, measured))
-        u = controller.tick(measurement, dt, elapsed=h, reference=r)
+        at = k - self.noise_start
+        measurement, dt = self._take(plant_run.faults.deliver(k, y + float(self.noise[at])))
+        rates = [plant_run.state[m] for m in self.derivatives]
+        measured = [rate + float(noise[at]) for rate, noise in zip(rates, self.inner_noise)]
+        spans = [dt] + [h] * len(inner)
+        u = self.cascade.tick([measurement, *measured], spans, elapsed=h, reference=r)
         acting = plant_run.faults.act(k, u)
-        followed = r[0] if experiment.error == 'reference' else controller.tracking
+        followed = r[0] if experiment.error == 'reference' else outer.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
         truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - now.b0) * u
-        error = short(followed - y, controller.design.measurement_period)
+        error = short(followed - y, outer.design.measurement_period)
         self.metrics.add(t, h, error, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
@@ -126,16 +144,23 @@ class Loop:
             row = (
                 t,
                 r[0],
-                controller.tracking,
+                outer.tracking,
                 y,
                 measurement,
                 u,
-                controller.output_estimate,
+                outer.output_estimate,
                 controller.total_disturbance,
                 truth,
                 *controller.disturbances,
             )
             rows[k, : len(row)] = row
+            for i, loop in enumerate(inner):
+                first = ROW_WIDTH + i * len(INNER_COLUMNS)
+                rows[k, first : first + len(INNER_COLUMNS)] = (
+                    loop.reference[0],
+                    rates[i],
+                    measured[i],
+                )
         plant_run.advance(acting)
 
     def _take(self, samples: list[SentSample]) -> tuple[float, float]:
@@ -148,6 +173,11 @@ class Loop:
             return sample.value, min(dt, 0.0)  # also where a clock that jumped stamped it ahead
         self._newest = sample
         return sample.value, dt
+
+
+def row_width(settings: ControllerSettings) -> int:
+    """Return how many entries a row of these controllers has."""
+    return ROW_WIDTH + len(INNER_COLUMNS) * (len(loops_of(settings)) - 1)
 
 
 def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:

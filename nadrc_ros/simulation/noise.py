@@ -11,7 +11,7 @@ from math import inf, sqrt
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import integer, number
+from nadrc_ros.adrc.fields import integer, number, numbers
 from nadrc_ros.adrc.settings import HIGHEST, LONGEST
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,22 @@ class Noise:
         live=False,
     )
     seed: int = integer(0, 0, 2**63 - 1, 'seed of the generator', live=False)
+    derivative_variances: tuple[float, ...] = numbers(
+        (0.0,),
+        0.0,
+        HIGHEST**2,
+        "units of y', y'', ... squared",
+        'variances of the noise on derivatives, as inner loops measure them; 0 for those left out',
+    )
+
+    def variance_of(self, derivative: int) -> float:
+        """Return the variance of the noise on y^(derivative)."""
+        return ([self.variance, *self.derivative_variances] + [0.0] * derivative)[derivative]
+
+    @property
+    def random(self) -> bool:
+        """Tell whether there is any."""
+        return self.variance > 0.0 or max(self.derivative_variances) > 0.0
 
 
 class NoiseSource:
@@ -50,16 +66,20 @@ class NoiseSource:
         The settings.
     period
         Time between two periods [s].
+    derivative
+        Of what it is: y^(derivative), with random numbers of its own.
 
     """
 
-    def __init__(self, noise: Noise, period: float) -> None:
+    def __init__(self, noise: Noise, period: float, derivative: int = 0) -> None:
         if not 0.0 < period < inf:
             raise SettingError('period', period, 'a finite number of seconds, above 0')
         self.sample_time = noise.sample_time
         self.period = period
-        self.set_variance(noise.variance)
-        self._generator = np.random.Generator(np.random.PCG64(noise.seed))
+        self.set_variance(noise.variance_of(derivative))
+        # Three numbers, as those of the faults are two.
+        seed = (noise.seed, 0, derivative) if derivative else noise.seed
+        self._generator = np.random.Generator(np.random.PCG64(seed))
         self._drawn = 0
         self._normal = 0.0
 

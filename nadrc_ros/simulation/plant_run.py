@@ -49,6 +49,7 @@ class PlantRun:
         self.faults = Injector(faults, rate, noise.seed)
         self.state = list(initial_state)
         self.noise = NoiseSource(noise, 1.0 / rate)
+        self._noise, self._derivative_noise = noise, dict[int, NoiseSource]()
         self.noise_signal = noise_signal
         self._next = list(initial_state)
         self._slope = list(initial_state)
@@ -82,6 +83,13 @@ class PlantRun:
             self.noise_signal.derivatives((k + i) / self.rate, self._w)
             added[i] = self._w[0]
         return noise + added
+
+    def derivative_noise_block(self, derivative: int, k: int, count: int) -> Array:
+        """Return what is added to y^(derivative) in ``count`` periods from ``k`` on."""
+        if derivative not in self._derivative_noise:
+            source = NoiseSource(self._noise, 1.0 / self.rate, derivative)
+            self._derivative_noise[derivative] = source
+        return self._derivative_noise[derivative].block(k, count)
 
     def total_disturbance(self, command: float, acting: float) -> float:
         """

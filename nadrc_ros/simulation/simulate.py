@@ -8,7 +8,15 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation.experiment import Experiment
-from nadrc_ros.simulation.loop import COLUMNS, FIRST_LEVEL, Kernel, Loop, ROW_WIDTH
+from nadrc_ros.simulation.loop import (
+    COLUMNS,
+    FIRST_LEVEL,
+    INNER_COLUMNS,
+    Kernel,
+    Loop,
+    ROW_WIDTH,
+    row_width,
+)
 from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +29,20 @@ _MOST_ROWS = 50_000_000
 
 
 @attrs.frozen(kw_only=True, eq=False)
+class InnerLoop:
+    """
+    An inner loop of a run: arrays (N,) over the periods.
+
+    Its ``reference`` is the command of the loop around it, its ``output`` a derivative of that of
+    the plant.
+    """
+
+    reference: Array
+    output: Array
+    measurement: Array
+
+
+@attrs.frozen(kw_only=True, eq=False)
 class Result:
     """
     One run: arrays (N,) over the periods, ``disturbances`` (N, K) one column per level.
@@ -28,6 +50,9 @@ class Result:
     Row k: reference, output and measurement at ``time`` t_k, the ``command`` held from t_k on, and
     the estimates after the sample of t_k. ``total_disturbance`` is the truth for the CONTROLLER's
     b0. A level that was added by a retune is nan before.
+
+    Of a cascade, ``tracking`` and ``output_estimate`` are of the outermost loop, the disturbances
+    and ``status_counts`` of the innermost one, and ``inner`` has the loops inside the outermost.
     """
 
     time: Array
@@ -42,6 +67,7 @@ class Result:
     total_disturbance: Array
     metrics: MetricValues
     status_counts: dict[str, int]
+    inner: tuple[InnerLoop, ...] = ()
 
 
 def simulate(
@@ -80,11 +106,14 @@ def simulate(
             f'at most {_MOST_ROWS / experiment.rate:g} s, '
             f'{_MOST_ROWS:,} periods, to keep every one',
         )
-    loop, rows = Loop(experiment, settings), np.full((steps, ROW_WIDTH), np.nan)
+    loop, rows = Loop(experiment, settings), np.full((steps, row_width(settings)), np.nan)
     loop.run(rows, kernel_of(experiment, steps, compiled, say))
     columns = dict(zip(COLUMNS, np.ascontiguousarray(rows.T)))
+    width = len(INNER_COLUMNS)
+    parts = [rows[:, i : i + width].T.copy() for i in range(ROW_WIDTH, rows.shape[1], width)]
     return Result(
         **columns,
+        inner=tuple(InnerLoop(**dict(zip(INNER_COLUMNS, part))) for part in parts),
         disturbances=rows[:, FIRST_LEVEL : FIRST_LEVEL + loop.levels].copy(),
         metrics=loop.metrics.values(),
         status_counts={s.name.lower(): n for s, n in loop.controller.counts.items() if n},

@@ -236,6 +236,7 @@ class RunningLoop:
         )
         return Result(
             **columns,
+            inner=(),
             disturbances=disturbances,
             metrics=self.recorder.figures.values(),
             status_counts={
