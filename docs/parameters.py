@@ -20,6 +20,7 @@ from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.wiring_parameters import wiring_fields
 from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.sensor import Sensor
 
 PAGE = Path(__file__).with_name('parameters.md')
 INTRODUCTION = """# Parameters
@@ -41,6 +42,7 @@ def page() -> str:
             | noise_fields()
             | NOISE_SIGNAL.fields()
             | DISTURBANCE.fields()
+            | declared(Sensor)
             | fault_fields()
         ),
         **{f'plant, with `plant: {name}`': declared(cls) for name, cls in PLANTS.items()},

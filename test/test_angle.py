@@ -14,6 +14,10 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode, Status
+from nadrc_ros.scenario import dump, loads
+from nadrc_ros.simulation.sensor import shown
+from nadrc_ros.simulation.simulate import simulate
+import numpy as np
 import pytest
 
 H = 0.01
@@ -229,6 +233,55 @@ def test_p13_a_limited_joint_is_refused() -> None:
         ControllerSettings(measurement_min=-3.0, measurement_max=3.0, measurement_period=TURN)
     assert refused.value.name == 'measurement_period'
     ControllerSettings(measurement_min=-180.0, measurement_max=180.0, measurement_period=360.0)
+
+
+SCENARIO = """
+plant: {name: chain, order: 2, initial_state: [900.0, 0.0]}
+reference: {signal: cosine, amplitude: 900.0, frequency: 1.0}
+disturbance: {signal: decaying_cosine, amplitude: 100.0}
+limits: {command_min: -5000, command_max: 5000}
+noise: {variance: 1e-2}
+sensor: {wrap_min: -180, wrap_max: 180}
+faults: {measurement: [{kind: silent, start: 1.5, duration: 0.2}]}
+rate: 100
+duration: 3
+controllers:
+  angle: {measurement_period: 360}
+  error_based: {measurement_period: 360, error_based: true}
+  line: {}
+"""
+
+
+def test_a_simulated_sensor_wraps_also_compiled() -> None:
+    """Only the controller that knows of it follows, and the error is the short one."""
+    scenario = loads(SCENARIO)
+    for name, settings in scenario.controllers.items():
+        plain, fast = (
+            simulate(scenario.experiment, settings, compiled=compiled)
+            for compiled in (False, True)
+        )
+        for column in ('command', 'tracking', 'output_estimate', 'measurement'):
+            one, other = getattr(plain, column), getattr(fast, column)
+            assert np.array_equal(one, other, equal_nan=True), column
+        assert plain.metrics == fast.metrics
+        measured = plain.measurement[np.isfinite(plain.measurement)]
+        assert -180.0 <= min(measured) < -170.0 and 170.0 < max(measured) < 180.0
+        follows = abs(short(plain.output[-1] - plain.reference[-1], 360.0)) < 20.0
+        assert follows == (name != 'line')
+        if follows:
+            assert min(plain.output) < -800.0 and plain.metrics.max_error <= 180.0
+            turned = round((plain.output[0] - plain.output_estimate[0]) / 360.0)
+            away = plain.output_estimate + 360.0 * turned - plain.output
+            assert max(abs(away)) < 190.0 and abs(away[-1]) < 1.0  # in the gap it is the last one
+
+
+def test_what_a_sensor_shows_is_an_equivalent_in_its_range() -> None:
+    assert [shown(v, 0.0, 360.0) for v in (0.0, 360.0, -1e-20, -1.0, 725.0)] == [0, 0, 0, 359, 5]
+    assert [shown(v, -pi, pi) for v in (inf, -3.0, 1e30)] == [inf, -3.0, 1e30]
+    assert shown(-pi, -pi, pi) == -pi and shown(pi, -pi, pi) == -pi and shown(7.0, 0.0, 0.0) == 7.0
+    assert loads(dump(loads(SCENARIO))) == loads(SCENARIO)
+    with pytest.raises(SettingError, match='wrap_max'):
+        loads(SCENARIO.replace('wrap_max: 180', 'wrap_max: -181'))
 
 
 @at_least(200)

@@ -15,6 +15,7 @@ from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import PLANTS
+from nadrc_ros.simulation.sensor import Sensor
 from nadrc_ros.simulation.signals import SIGNALS
 import numpy as np
 
@@ -71,6 +72,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             reference=draw(signals()),
             disturbance=draw(signals()),
             noise=Noise(**draw(some_values(Noise))),
+            sensor=draw(some(Sensor)),
             faults=Faults(
                 measurement=tuple(draw(st.lists(some(MeasurementFault), max_size=2))),
                 command=tuple(draw(st.lists(some(CommandFault), max_size=2))),

@@ -43,6 +43,7 @@ def node_parameters(
         'noise_variance': scenario.noise.variance,
         'noise_sample_time': scenario.noise.sample_time,
         'seed': scenario.noise.seed,
+        **attrs.asdict(scenario.sensor),
     }
     fields = class_fields(PLANT.type_of(plant['plant'], plant['plant_class']))
     plant |= _typed(fields, scenario.plant.values)

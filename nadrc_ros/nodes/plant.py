@@ -30,6 +30,7 @@ from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plant_run import PlantRun
 from nadrc_ros.simulation.protocols import Plant, Signal
+from nadrc_ros.simulation.sensor import Sensor
 
 _NOISE = 'noise_'
 _MEASUREMENT_FAULT = 'fault.measurement.'
@@ -131,6 +132,7 @@ class PlantNode(LiveNode):
             state,
             faults.value,
             added.value,
+            self.declare(Sensor),
         )
         self._started = settings.start == 'at_once'
         self._command = settings.safe_command

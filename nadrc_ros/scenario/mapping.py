@@ -19,12 +19,13 @@ from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.protocols import Plant
+from nadrc_ros.simulation.sensor import Sensor
 
 S = TypeVar('S', PlantSpec, SignalSpec)
 # Keys whose values are those of the scenario as they are.
 _SAME = ('rate', 'duration', 'error', 'settle_time')
 _KEYS = (
-    *('plant', 'reference', 'disturbance', 'noise', 'faults', 'seed', *_SAME),
+    *('plant', 'reference', 'disturbance', 'noise', 'sensor', 'faults', 'seed', *_SAME),
     *('limits', 'controllers', 'retune'),
 )
 _NEEDED = {
@@ -74,6 +75,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         disturbance=_spec(SignalSpec, given.get('disturbance', 'none'), 'disturbance', base_dir),
         noise=noise,
         noise_signal=noise_signal,
+        sensor=build(Sensor, _mapping(given.get('sensor', {}), 'sensor'), 'sensor'),
         faults=_faults(given.get('faults', {})),
         controllers=_controllers(given['controllers'], limits, plant.make()),
         retunes=_retunes(given.get('retune', [])),
@@ -116,6 +118,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
             **_not_default(noise, 'variance', 'sample_time', without='seed'),
             **({} if added == SignalSpec() else added.as_given()),
         },
+        'sensor': _not_default(scenario.sensor),
         'faults': {
             where: [_not_default(fault) for fault in getattr(scenario.faults, where)]
             for where in _FAULTS

@@ -33,6 +33,7 @@ from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import FIRST_LEVEL, ROW_WIDTH
 from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
 from nadrc_ros.simulation.protocols import probe_states, total_disturbance
+from nadrc_ros.simulation.sensor import shown
 import numba
 from numba import types
 from numba.core.event import Event, install_listener, Listener
@@ -47,7 +48,7 @@ _LAW = tuple(
         *('supervisor', 'tick', 'sample', 'settings', 'status', 'realised'),
     )
 )
-_SIMULATION = (integrate, total_disturbance, accumulate, accumulate_remainders)
+_SIMULATION = (integrate, total_disturbance, shown, accumulate, accumulate_remainders)
 # So many combinations of classes are kept ready; a further one is read from disk again.
 _LOOPS_KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
@@ -113,7 +114,7 @@ def compiled_loop(
         plant, reference_signal, disturbance = unowned(things)
         design, state, spare = unowned(law)
         noise, r, reference, x, x_next, w, work = unowned(buffers)
-        rate, substeps, b0, known, tracking = constants
+        rate, substeps, b0, known, tracking, wrap_min, wrap_max = constants
         k, stop, noise_start, command, policy = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
@@ -143,7 +144,7 @@ def compiled_loop(
             for i in range(len(reference)):
                 reference[i] = r[i] if i < known and i < len(r) else 0.0
             y = output(plant, x)
-            measurement = y + noise[k - noise_start]
+            measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
             if outer is None:
                 sample = Sample(measurement, h, h, 0.0, command, True)
                 u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)

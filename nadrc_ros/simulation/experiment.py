@@ -13,6 +13,7 @@ from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plant_run import PlantRun
 from nadrc_ros.simulation.protocols import Plant, Signal
+from nadrc_ros.simulation.sensor import Sensor
 from nadrc_ros.simulation.signals import Nothing
 
 
@@ -33,6 +34,8 @@ class Conditions:
     ----------
     noise
         Measurement noise, with the seed of all that is random.
+    sensor
+        Whether it wraps.
     faults
         What goes wrong with the sensor and the actuator.
     initial_state
@@ -48,6 +51,7 @@ class Conditions:
     """
 
     noise: Noise = attrs.field(factory=Noise)
+    sensor: Sensor = attrs.field(factory=Sensor)
     faults: Faults = attrs.field(factory=Faults)
     initial_state: tuple[float, ...] = ()
     retunes: tuple[Retune, ...] = ()
@@ -126,6 +130,7 @@ class Experiment(Conditions):
             self.initial_state,
             self.faults,
             self.noise_signal,
+            self.sensor,
         )
 
 

@@ -63,6 +63,7 @@ class Kernel:
         xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
         known = 1 + facing.settings.received_derivatives
         tracking = experiment.error == 'tracking'
+        wrap = experiment.sensor.wrap_min, experiment.sensor.wrap_max
         outer = None
         if around:
             buffers = loop.inner_noise[0], inner_reference, counts[1]
@@ -73,7 +74,14 @@ class Kernel:
                 self.fields,
                 (tuple_of(running.design), *states),
                 (loop.noise, r, reference, *xs, w, np.array(make_work(xs.shape[1]))),
-                (experiment.rate, plant_run.substeps, float(plant_run.plant.b0), known, tracking),
+                (
+                    experiment.rate,
+                    plant_run.substeps,
+                    float(plant_run.plant.b0),
+                    known,
+                    tracking,
+                    *wrap,
+                ),
                 (plant_run.k, stop, loop.noise_start, running.command, running.policy),
                 (acc, remainders, counts[0]),
                 rows,

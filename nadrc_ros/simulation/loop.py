@@ -126,7 +126,8 @@ class Loop:
         r = sample_reference(experiment.reference, k, experiment.rate)
         y = plant_run.output
         at = k - self.noise_start
-        measurement, dt = self._take(plant_run.faults.deliver(k, y + float(self.noise[at])))
+        shown = plant_run.measured(float(self.noise[at]))
+        measurement, dt = self._take(plant_run.faults.deliver(k, shown))
         rates = [plant_run.state[m] for m in self.derivatives]
         measured = [rate + float(noise[at]) for rate, noise in zip(rates, self.inner_noise)]
         spans = [dt] + [h] * len(inner)

@@ -8,6 +8,7 @@ from nadrc_ros.simulation.faults import Faults, Injector
 from nadrc_ros.simulation.integrate import Integrator, ran_away, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
 from nadrc_ros.simulation.protocols import Plant, Signal, total_disturbance
+from nadrc_ros.simulation.sensor import Sensor, shown
 from nadrc_ros.simulation.signals import Nothing
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,8 @@ class PlantRun:
         What goes wrong with its sensor and its actuator, which is for the caller to let happen.
     noise_signal
         What is added to its measurements beside the noise.
+    sensor
+        What it shows of output and noise.
 
     """
 
@@ -43,6 +46,7 @@ class PlantRun:
         initial_state: tuple[float, ...],
         faults: Faults,
         noise_signal: Signal,
+        sensor: Sensor,
     ) -> None:
         self.rate = rate
         self.k = 0
@@ -51,6 +55,7 @@ class PlantRun:
         self.noise = NoiseSource(noise, 1.0 / rate)
         self._noise, self._derivative_noise = noise, dict[int, NoiseSource]()
         self.noise_signal = noise_signal
+        self.sensor = sensor
         self._next = list(initial_state)
         self._slope = list(initial_state)
         self._w = [0.0]
@@ -70,8 +75,12 @@ class PlantRun:
 
     @property
     def measurement(self) -> float:
-        """Return the output with the noise of period k."""
-        return self.output + float(self.noise_block(self.k, 1)[0])
+        """Return what the sensor shows in period k."""
+        return self.measured(float(self.noise_block(self.k, 1)[0]))
+
+    def measured(self, noise: float) -> float:
+        """Return what the sensor shows with that noise."""
+        return shown(self.output + noise, self.sensor.wrap_min, self.sensor.wrap_max)
 
     def noise_block(self, k: int, count: int) -> Array:
         """Return all that is added to the output in ``count`` periods from ``k`` on."""
