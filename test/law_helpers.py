@@ -43,8 +43,8 @@ def bits(values: Sequence[float]) -> list[str]:
 
 
 def state_bits(state: State) -> list[list[str]]:
-    rows = *state.levels, state.profile, state.offset, state.startup, state.angle[1:]
-    return [bits(row) for row in rows]
+    rows = state.profile, state.offset, state.startup, state.gain, state.resting, state.angle[1:]
+    return [bits(row) for row in (*state.levels, *rows)]
 
 
 def copy_of(state: State) -> State:
@@ -54,6 +54,8 @@ def copy_of(state: State) -> State:
         list(state.offset),
         list(state.smoothed),
         list(state.startup),
+        list(state.gain),
+        list(state.resting),
         list(state.since_sample),
         list(state.delay_line),
         list(state.angle),
@@ -98,7 +100,8 @@ class Observer:
         self._spare = self._out.levels
 
     def update(self, y: float, u: float, h: float) -> None:
-        update(self.design, self.levels, y, u, h, 1.0, self._spare, self._scratch)
+        received = self.design.b0 * u
+        update(self.design, self.levels, y, received, h, 1.0, self._spare, self._scratch)
         self.levels, self._spare = self._spare, self.levels
 
     def disturbance(self) -> float:
@@ -166,6 +169,14 @@ def varied_settings() -> dict[str, dict[str, Any]]:
         'angle': {'measurement_period': 0.5, 'command_rate_limit': 200.0},
         'error-angle': {'measurement_period': 1.0, 'error_based': True, 'plant_order': 1},
         'angle-td': {'measurement_period': 2.0, 'tracking_acceleration': 5.0, 'levels': 3},
+        'table': {'b0_table': (-1.0, 0.5, 0.5, 2.0, 1.0, 1.0)},
+        'table-td': {
+            'b0_table': (0.0, -1.0, 2.0, -3.0),
+            'b0_source': 'reference',
+            'b0': -2.0,
+            'tracking_acceleration': 5.0,
+        },
+        'deadband': {'error_deadband': 2.0},
         'narrow': {'command_min': -1.5, 'command_max': 1.5, 'error_based': True},
     }
     return {name: common | case for name, case in cases.items()}

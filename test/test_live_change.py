@@ -16,6 +16,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.gain import gain_at
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.simulation.experiment import Experiment, Retune
@@ -47,9 +48,11 @@ def log_floats(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(log(low), log(high)).map(lambda x: float(np.exp(x)))
 
 
-# Every live setting, over what a loop of this rate can bear.
+# Every live setting, over what a loop of this rate can bear, but error_deadband: two loops without
+# friction that rest inside one are not equal when the load comes (see test_deadband).
 VALUES: dict[str, st.SearchStrategy[Any]] = {
     'b0': st.one_of(log_floats(0.3, 3.0)),
+    'b0_table': st.tuples(st.just(0.0), log_floats(0.3, 3.0), st.just(1.0), log_floats(0.3, 3.0)),
     'structure': st.sampled_from(tuple(STRUCTURES)),
     'inner_bandwidth': log_floats(5.0, 100.0),
     'outer_bandwidth': log_floats(3.0, 100.0),
@@ -97,7 +100,8 @@ def loops(draw: st.DrawFn) -> tuple[ControllerSettings, Chain]:
     sign = draw(st.sampled_from((1.0, -1.0)))
     gain = draw(st.floats(0.5, 2.0)) * sign
     plant = Chain(order=order, gain=gain, damping=draw(st.floats(-1.0, 2.0)))
-    values['b0'] *= sign * abs(gain)
+    values['b0'] *= gain
+    values['b0_table'] = scaled(values['b0_table'], gain)
     try:
         return ControllerSettings(plant_order=order, **values), plant
     except SettingError:
@@ -105,8 +109,16 @@ def loops(draw: st.DrawFn) -> tuple[ControllerSettings, Chain]:
         raise
 
 
+def scaled(table: tuple[float, ...], gain: float) -> tuple[float, ...]:
+    return tuple(gain * v if i % 2 else v for i, v in enumerate(table))
+
+
 def settling(settings: ControllerSettings, plant: Chain) -> int:
     """Return the periods until the start is over and what theory says has decayed to 1e-9."""
+    if len(settings.b0_table) > 1:  # the same about the setpoint
+        settings = attrs.evolve(
+            settings, b0=gain_at(list(settings.b0_table), SETPOINT), b0_table=(0.0,)
+        )
     linear = linear_chain(plant.order, plant.gain, [0.0] * (plant.order - 1) + [plant.damping])
     growth = loop_growth(make_design(settings), linear, H)
     assume(growth < 1.0 - 1e-9)
@@ -170,6 +182,8 @@ def test_p12_after_any_live_change_a_load_is_rejected_as_by_a_loop_that_began_so
     value = data.draw(VALUES[name])
     if name == 'b0':
         value = copysign(value, base.b0)
+    if name == 'b0_table':
+        value = scaled(value, plant.gain)
     try:
         changed = attrs.evolve(base, **{name: value})
     except SettingError:

@@ -42,7 +42,7 @@ def test_every_field_is_declared_with_a_meaning() -> None:
         assert field.accepts(field.default), name
         assert field.allowed(), name
     fixed = [name for name, field in FIELDS.items() if not field.live]
-    assert fixed == ['plant_order', 'reference_derivatives', 'measurement_period']
+    assert fixed == ['plant_order', 'b0_source', 'reference_derivatives', 'measurement_period']
 
 
 @pytest.mark.parametrize('name', FIELDS)
@@ -105,6 +105,14 @@ def test_p13_a_setting_is_taken_or_refused_and_nothing_else(value: Any) -> None:
         ({'fal_exponents': (0.5,) * 3}, 'fal_exponents'),
         ({'plant_order': 2.0}, 'plant_order'),
         ({'reference_derivatives': 'differentiator'}, 'tracking_acceleration'),
+        ({'b0_table': (1.0,)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0, 2.0)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0, 0.0, 2.0)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0, 1.0, 0.0)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0, 1.0, -2.0)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0, 1.0, 1e-16)}, 'b0_table'),
+        ({'b0_table': (0.0, 1.0, 1.0, 2.0), 'b0': -1.0}, 'b0_table'),
         ({'feedback_level': '7'}, 'feedback_level'),
         ({'feedback_level': '0'}, 'feedback_level'),
     ),

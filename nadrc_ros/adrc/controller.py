@@ -46,6 +46,8 @@ class Controller:
         What runs, and where law and policy are; a retune takes over with the next tick.
     sample, reference, command, status
         Of the last tick: what it was told, r and its derivatives as they are followed, what came.
+    gain_variable
+        The last one received, nan before the first.
     counts
         How often each status came; a refused reference counts as ``BAD_REFERENCE``.
     refused_measurement, refused_reference
@@ -72,6 +74,7 @@ class Controller:
         self._enabled = enabled
         self.reference: list[float] = [0.0] * (self.design.order + 1)
         self.command = settings.safe_command
+        self.gain_variable = nan
         self.sample = Sample(nan, 0.0, 0.0, 0.0, self.command)
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
@@ -93,6 +96,7 @@ class Controller:
         reference: Sequence[float | None] | None = None,
         applied: float | None = None,
         followed: bool = True,
+        gain_variable: float = nan,
     ) -> float:
         """
         Advance by one tick and return the command to send.
@@ -115,6 +119,8 @@ class Controller:
         followed
             Whether it acts at all; False holds the command where ``applied`` is. With an ``inner``
             controller both are known.
+        gain_variable
+            What ``b0_table`` is over if ``b0_source`` is ``topic``; nan for the last one.
 
         """
         if elapsed is None:
@@ -125,12 +131,22 @@ class Controller:
             applied, followed = self.inner.realised(self.command)
         if applied is None or not LOWEST <= applied <= HIGHEST:
             applied = self.command
+        if LOWEST <= gain_variable <= HIGHEST:
+            self.gain_variable = gain_variable
         ages = self._ages
         for i in range(1, len(ages)):
             ages[i] += elapsed
         referenced = reference is not None and self._take(reference)
         gap = self.policy.gap
-        sample = Sample(measurement, dt, elapsed, age if age > 0.0 else 0.0, applied, followed)
+        sample = Sample(
+            measurement,
+            dt,
+            elapsed,
+            age if age > 0.0 else 0.0,
+            applied,
+            followed,
+            self.gain_variable,
+        )
         self.sample = sample
         command, status, self.policy = tick(
             self.design,
@@ -253,6 +269,16 @@ class Controller:
     def quiet(self) -> bool:
         """Tell whether it is disabled and at rest, with nothing to send."""
         return not self.enabled and self.policy.mode == SAFE
+
+    @property
+    def b0(self) -> float:
+        """Return b0 by now, the setting or that of its table."""
+        return self.state.gain[0]
+
+    @property
+    def resting(self) -> bool:
+        """Tell whether the command is held inside the deadband of the error."""
+        return self.state.resting[0] > 0.0
 
     @property
     def tracking(self) -> float:

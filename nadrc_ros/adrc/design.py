@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.gains import equal_pole_matrix, inversion_matrix
-from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.settings import ControllerSettings, GAIN_SOURCES
 from nadrc_ros.adrc.structures import STRUCTURES
 
 Vector = MutableSequence[float]
@@ -24,7 +24,8 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     [rad/s], ``reach`` (K,) how many previous disturbance estimates enter each level's input,
     ``cancelled`` how many the command subtracts, ``gain_matrix`` (N, N) that of ``gains`` times
     ``observer_gain_factor``, ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted
-    from 0.
+    from 0. ``gain_source`` is 0 where b0 is constant, else what ``b0_table`` is over, from 1 on in
+    the order of ``GAIN_SOURCES``.
     """
 
     order: int
@@ -51,6 +52,9 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     exponents: list[float]
     fal_delta: float
     feedback_level: int
+    b0_table: list[float]
+    gain_source: int
+    error_deadband: float
     command_min: float
     command_max: float
     command_rate_limit: float
@@ -99,10 +103,17 @@ def make_design(settings: ControllerSettings) -> Design:
         'feedback_gains': feedback_gains(settings),
         'exponents': _per_state(settings.fal_exponents, order),
         'feedback_level': _level_index(settings.feedback_level, levels),
+        'b0_table': list(settings.b0_table),
+        'gain_source': gain_source(settings),
         'stall_stops': settings.stall_action == 'fault',
     }
     names = {field.name for field in attrs.fields(Design)} - worked_out.keys()
     return Design(**{name: getattr(settings, name) for name in names}, **worked_out)
+
+
+def gain_source(settings: ControllerSettings) -> int:
+    """Return 0 without a table of b0, else the number of its variable."""
+    return 0 if len(settings.b0_table) == 1 else 1 + GAIN_SOURCES.index(settings.b0_source)
 
 
 def bandwidths(settings: ControllerSettings, levels: int) -> list[float]:

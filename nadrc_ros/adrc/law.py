@@ -5,18 +5,21 @@ Nothing here raises: bad input gives a :class:`Status`, and the state after ``st
 before to the bit.
 
 ``step`` refuses what is not usable, advances the reference profile, the rise of a start and the
-observers, in that order as each needs the one before; then the offset of a transfer decays, the
-command follows from the new state, and the limiter has the last word.
+observers, in that order as each needs the one before; then the offset of a transfer decays, b0
+goes on in its table, the deadband decides whether the loop rests, the command follows from the new
+state, and the limiter has the last word.
 """
 
 from __future__ import annotations
 
-from math import copysign, exp, isfinite
+from math import copysign, exp, isfinite, nan
 
 from nadrc_ros.adrc.angle import whole
+from nadrc_ros.adrc.deadband import mind_deadband
 from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
+from nadrc_ros.adrc.gain import begin_gain, follow_gain
 from nadrc_ros.adrc.limiter import clamp, limit
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST
@@ -35,6 +38,7 @@ def step(
     applied: float,
     dt: float,
     out: State,
+    gain_variable: float = nan,
 ) -> tuple[float, int]:
     """
     Advance the controller by one sample; return the command and a :class:`Status`.
@@ -54,6 +58,8 @@ def step(
         b0 R dt^(n+1) / 12 with the rate limit R, and nothing where the command stood still.
     dt
         Time since the previous sample [s].
+    gain_variable
+        What ``b0_table`` is over if ``b0_source`` is ``topic``; nan for the last one.
 
     Returns
     -------
@@ -84,7 +90,7 @@ def step(
     if design.measurement_period > 0.0:
         copy_vector(state.angle, out.angle)
     if dt > design.max_dt:
-        return _restart(design, state, reference, measurement, applied, acting, out)
+        return _restart(design, state, reference, measurement, applied, acting, out, gain_variable)
     profile = out.profile
     if design.tracking_acceleration > 0.0:
         copy_vector(state.profile, profile)
@@ -109,13 +115,18 @@ def step(
         if known < dt:  # the last command acted for the rest
             acted += (acting - acted) * (1.0 - known / dt)
     out.since_sample[1] = 0.0
-    update(design, state.levels, observed, acted, dt, speed, out.levels, out.scratch)
+    received = state.gain[0] * acted
+    update(design, state.levels, observed, received, dt, speed, out.levels, out.scratch)
     lasting, brief = state.offset[0], state.offset[1]
     out.offset[0] = lasting * exp(-design.controller_bandwidth * dt) if lasting != 0.0 else 0.0
     out.offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
+    if design.gain_source > 0:
+        follow_gain(design, state, gain_variable, acting, dt, out)
+    if design.error_deadband > 0.0:
+        mind_deadband(design, state, reference, applied, acting, out)
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
-        return _restart(design, state, reference, measurement, applied, acting, out)
+        return _restart(design, state, reference, measurement, applied, acting, out, gain_variable)
     share = 1.0
     if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
@@ -157,6 +168,7 @@ def _restart(
     applied: float,
     acting: float,
     out: State,
+    gain_variable: float,
 ) -> tuple[float, int]:
     profile = state.profile  # of a reference that is approached: it goes on from where it is
     if design.tracking_acceleration <= 0.0:
@@ -165,6 +177,9 @@ def _restart(
         profile = reference
     # Nobody knows how far an angle turned meanwhile: on the short way to where it shall be.
     measurement -= whole(measurement - profile[0], design.measurement_period)
+    copy_vector(state.gain, out.gain)
+    if design.gain_source > 0:
+        begin_gain(design, measurement, profile[0], gain_variable, out)
     rest(design, measurement, acting, profile[0], out)
     copy_vector(profile, out.profile)
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out)

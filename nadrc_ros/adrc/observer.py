@@ -24,7 +24,7 @@ def update(
     design: Design,
     levels: Matrix,
     measurement: float,
-    applied: float,
+    received: float,
     dt: float,
     speed: float,
     out: Matrix,
@@ -34,8 +34,8 @@ def update(
     Advance every level by one tick of ``dt`` seconds, from ``levels`` (K, N) into ``out`` (K, N).
 
     Of the ``measurement`` of an angle it takes the equivalent nearest to what level 1 predicts.
-    ``applied`` is the command that acted since the last tick; ``speed`` scales all bandwidths;
-    ``scratch`` (K + 2, N) keeps the gains of the last ``dt``.
+    ``received`` is b0 u of the command that acted since the last tick; ``speed`` scales all
+    bandwidths; ``scratch`` (K + 2, N) keeps the gains of the last ``dt``.
     """
     order = design.order
     last = design.states - 1
@@ -44,7 +44,6 @@ def update(
     steps = scratch[count]  # speed, dt, dt / 2, dt / 3, ...
     if steps[1] != dt or steps[0] != speed:
         place(design, dt, speed, scratch)
-    received = design.b0 * applied
     reach = design.reach
     nonlinear, chained = design.nonlinear, design.chained
     wraps = design.measurement_period > 0.0

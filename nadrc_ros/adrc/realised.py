@@ -41,7 +41,7 @@ def realised_reference(
     if command == raw:
         return r
     gain = design.feedback_gains[0]
-    missing = design.b0 * (command - raw) / gain
+    missing = state.gain[0] * (command - raw) / gain
     if design.linear:
         r += missing
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import NamedTuple
 
 
@@ -29,6 +30,7 @@ class Sample(NamedTuple):
     are at fault: the law refuses what is not positive. ``elapsed`` and ``age`` are not negative.
     ``applied``, a finite number, is the command that really acted since the last tick, and
     ``followed`` whether it acts at all: not while the inner loop that takes it is not in control.
+    ``gain_variable`` is what ``b0_table`` is over if that has a topic, nan for the last one.
     """
 
     measurement: float
@@ -37,3 +39,4 @@ class Sample(NamedTuple):
     age: float
     applied: float
     followed: bool = True
+    gain_variable: float = nan

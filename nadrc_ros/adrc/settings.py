@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import attrs
@@ -28,6 +29,8 @@ SLOWEST_RATE, FASTEST_RATE = 1e-3, 1e5
 STEEPEST = 1e24
 # How many derivatives of the reference have a topic: the rate and the acceleration.
 REFERENCE_DERIVATIVES = 2
+# What b0 may be a function of.
+GAIN_SOURCES = ('measurement', 'reference', 'topic')
 
 
 def _signal(default: float, unit: str, description: str, **more: bool) -> Any:
@@ -60,6 +63,22 @@ class ControllerSettings:
     )
     b0: float = _signal(
         1.0, 'y^(n) per unit command', 'nominal input gain of the plant', nonzero=True
+    )
+    b0_table: tuple[float, ...] = numbers(
+        (0.0,),
+        LOWEST,
+        HIGHEST,
+        '',
+        'b0 as a function of a variable, piecewise linear between points and constant beyond: '
+        '[x1, b1, x2, b2, ...], x ascending, every b of the sign of b0, which holds until the '
+        'variable is known; [0] = off: b0 is constant',
+    )
+    b0_source: str = choice(
+        'measurement',
+        GAIN_SOURCES,
+        'the variable of b0_table: the output as estimated, the reference as followed, or what '
+        'comes on b0_variable',
+        live=False,
     )
     structure: str = choice(
         'nested',
@@ -160,6 +179,14 @@ class ControllerSettings:
         False,
         'observe y - r with reference zero, for references whose derivatives nobody knows',
     )
+    error_deadband: float = number(
+        0.0,
+        0.0,
+        HIGHEST,
+        'output unit',
+        'error up to which a loop that came to rest within half of it leaves its command as it '
+        'is; 0 = off',
+    )
     command_min: float = _signal(-100.0, 'command unit', 'lowest command ever published')
     command_max: float = _signal(100.0, 'command unit', 'highest command ever published')
     command_rate_limit: float = number(
@@ -254,6 +281,7 @@ class ControllerSettings:
                 'cannot turn all the way round, as in a joint with end stops, the short way ends '
                 'at a stop',
             )
+        self._check_table()
         n = self.plant_order
         self._check_length('fal_gains', n)
         self._check_length('fal_exponents', n)
@@ -285,6 +313,22 @@ class ControllerSettings:
             )
         if self.max_dt < shortest:
             raise SettingError('max_dt', self.max_dt, allowed)
+
+    def _check_table(self) -> None:
+        table = self.b0_table
+        if table == (0.0,):
+            return
+        x, b = table[::2], table[1::2]
+        if len(b) < 2 or len(x) != len(b):
+            raise SettingError('b0_table', table, '[0] or a list x1, b1, x2, b2, ... of pairs')
+        if not all(left < right for left, right in pairwise(x)):
+            raise SettingError('b0_table', table, 'a list with x1 < x2 < ...')
+        if not all(abs(gain) >= LEAST and gain * self.b0 > 0.0 for gain in b):
+            raise SettingError(
+                'b0_table',
+                table,
+                f'a list with b1, b2, ... not 0 and of the sign of b0 = {self.b0!r}',
+            )
 
     def _check_length(self, name: str, count: int) -> None:
         values = getattr(self, name)

@@ -26,12 +26,15 @@ class State:
     bandwidth, and what is noise of one sample, decaying with that of the inner observer.
     ``smoothed`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
     once and twice. ``startup`` (1,) is how far the observers are through their rise after the
-    first start, from 0 to 1. ``since_sample`` (2,) is the mean command of the ticks without a
-    sample that followed the last one, and their time [s]. ``delay_line`` is what is on its way to
-    a plant with dead time, empty without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``angle``
-    (3,) is of an angle: the last reference received, nan before it, the equivalent of it that is
-    followed, and the turns that were taken off all of these. ``scratch`` (K + 2, N) remembers the
-    observer gains of the last time step: it changes the speed of a step, and nothing else.
+    first start, from 0 to 1. ``gain`` (3,) is b0, what it was looked up for in its table, and
+    whether it was (1 or 0). ``resting`` (3,) is whether the command is held inside the deadband
+    (1 or 0), that command, and the reference it is held for. ``since_sample`` (2,) is the mean
+    command of the ticks without a sample that followed the last one, and their time [s].
+    ``delay_line`` is what is on its way to a plant with dead time, empty without one: see
+    :mod:`~nadrc_ros.adrc.delay_line`. ``angle`` (3,) is of an angle: the last reference received,
+    nan before it, the equivalent of it that is followed, and the turns that were taken off all of
+    these. ``scratch`` (K + 2, N) remembers the observer gains of the last time step: it changes
+    the speed of a step, and nothing else.
     """
 
     levels: Matrix
@@ -39,6 +42,8 @@ class State:
     offset: Vector
     smoothed: Vector
     startup: Vector
+    gain: Vector
+    resting: Vector
     since_sample: Vector
     delay_line: Vector
     angle: Vector
@@ -53,6 +58,8 @@ def blank_state(design: Design) -> State:
         [0.0, 0.0],
         [0.0, 0.0],
         [0.0],
+        [design.b0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
         [0.0, 0.0],
         blank_line(design.input_delay),
         [nan, 0.0, 0.0],
@@ -70,6 +77,7 @@ def start(
     without. What is on its way to a plant with dead time stays known.
     """
     origin = measurement if design.tracking_acceleration > 0.0 else reference
+    out.gain[0], out.gain[1], out.gain[2] = design.b0, 0.0, 0.0
     rest(design, measurement, acting(out.delay_line, applied), origin, out)
     out.startup[0] = 0.0
     out.angle[2] = 0.0
@@ -85,7 +93,8 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     out.profile[0] = origin
     for k in range(design.levels):
         out.levels[k][0] = measurement - origin if design.error_based else measurement
-    out.levels[0][design.order] = -design.b0 * applied
+    out.levels[0][design.order] = -out.gain[0] * applied
+    out.resting[0] = 0.0
     out.offset[0] = out.offset[1] = 0.0
     out.since_sample[1] = 0.0
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
@@ -107,6 +116,8 @@ def copy_state(state: State, out: State) -> None:
     copy_vector(state.offset, out.offset)
     copy_vector(state.smoothed, out.smoothed)
     out.startup[0] = state.startup[0]
+    copy_vector(state.gain, out.gain)
+    copy_vector(state.resting, out.resting)
     copy_vector(state.since_sample, out.since_sample)
     if len(state.delay_line) > 0:
         copy_line(state.delay_line, out.delay_line)
@@ -123,7 +134,9 @@ def average_command(state: State, applied: float, elapsed: float) -> None:
 
 
 def raw_command(design: Design, state: State) -> float:
-    """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits."""
+    """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits; at rest as held."""
+    if state.resting[0] > 0.0:
+        return state.resting[1]
     levels = state.levels
     order = design.order
     reference = design.no_reference if design.error_based else state.profile
@@ -132,7 +145,7 @@ def raw_command(design: Design, state: State) -> float:
     while k > 0:
         k -= 1
         v -= levels[k][order]
-    return v / design.b0 + state.offset[0] + state.offset[1]
+    return v / state.gain[0] + state.offset[0] + state.offset[1]
 
 
 def match_command(design: Design, state: State, command: float) -> None:

@@ -57,7 +57,9 @@ def tick(
             _hold(reference, measurement)
         reference[0] -= whole(reference[0] - measurement, period)
         start(design, measurement, applied, reference[0], state)
-    command, status = step(design, state, reference, measurement, applied, span, out)
+    command, status = step(
+        design, state, reference, measurement, applied, span, out, sample.gain_variable
+    )
     used = status < NO_MEASUREMENT
     if not used:
         acting = applied
@@ -87,10 +89,12 @@ def tick(
             _take_over(design, policy, after.reference_age, measurement, applied, reference, out)
             command = clamp(design, applied)
     elif mode != HOLDING:
+        out.resting[0] = 0.0
         command = design.safe_command
         if sample.followed:
             command = limit(design, command, applied, elapsed)[0]
     elif not lost:
+        out.resting[0] = 0.0
         command = clamp(design, applied)
     if period > 0.0:
         out.angle[1] = reference[0]
@@ -99,7 +103,7 @@ def tick(
 
 def _without_sample(design: Design, state: State, applied: float, elapsed: float) -> float:
     """Return the command of a tick without a sample: held, or still on its way to the last one."""
-    if design.command_rate_limit > 0.0:
+    if design.command_rate_limit > 0.0 or state.resting[0] > 0.0:
         raw = raw_command(design, state)
         if isfinite(raw):
             return limit(design, raw, applied, elapsed)[0]
@@ -131,6 +135,7 @@ def _take_over(
         turn_profile(design, away, out)
     if reference_age == inf or (design.tracking_acceleration > 0.0 and not followed):
         restart_profile(design, measurement, out)
+    out.resting[0] = 0.0
     match_command(design, out, applied)
 
 

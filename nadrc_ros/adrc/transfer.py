@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from nadrc_ros.adrc.delay_line import acting, pass_through
 from nadrc_ros.adrc.design import Design, Vector
+from nadrc_ros.adrc.gain import retune_gain
 from nadrc_ros.adrc.limiter import limit
 from nadrc_ros.adrc.state import blank_state, copy_vector, raw_command, State
 
@@ -53,7 +54,9 @@ def retune(
         after.levels[0][n] += state.profile[n]
     if new.error_based:
         after.levels[0][n] -= after.profile[n]
-    after.levels[0][n] += (old.b0 - new.b0) * acting(state.delay_line, applied)
+    retune_gain(old, new, state, acting(state.delay_line, applied), after)
+    if new.error_deadband > 0.0:  # else it wakes
+        after.resting[:] = state.resting
     after.offset[:] = state.offset
     if new.controller_bandwidth < old.controller_bandwidth:
         after.offset[:] = 0.0, sum(state.offset)

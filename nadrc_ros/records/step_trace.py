@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 import json
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,10 @@ class TraceWriter:
 
     The first says also whether the sensor counted as ``checked``. A record has the arguments of
     :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command,
-    ``followed``), ``enabled``, and what came out: ``u`` and ``status``. Between two ticks
-    ``{"disabled": true}`` and ``{"reset": true}`` say what was asked for. Numbers are written so
-    that they read back to the bit; nan and infinities as JavaScript writes them.
+    ``followed``, ``x`` for ``gain_variable``), ``enabled``, and what came out: ``u`` and
+    ``status``. Between two ticks ``{"disabled": true}`` and ``{"reset": true}`` say what was asked
+    for. Numbers are written so that they read back to the bit; nan and infinities as JavaScript
+    writes them.
 
     When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
@@ -45,7 +47,7 @@ class TraceWriter:
 
     def tick(self, controller: Controller, reference: Sequence[float | None] | None) -> None:
         """Record the tick that ``controller`` just did with that reference."""
-        measurement, span, elapsed, age, applied, followed = controller.sample
+        measurement, span, elapsed, age, applied, followed, gain_variable = controller.sample
         self._write(
             {
                 'y': measurement,
@@ -55,6 +57,7 @@ class TraceWriter:
                 'r': reference,
                 'applied': applied,
                 'followed': followed,
+                'x': gain_variable,
                 'enabled': controller.enabled,
                 'u': controller.command,
                 'status': int(controller.status),
@@ -124,5 +127,6 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
                 reference=record['r'],
                 applied=record['applied'],
                 followed=record.get('followed', True),
+                gain_variable=record.get('x', nan),
             )
             yield record['u'], controller.command

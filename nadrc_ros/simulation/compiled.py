@@ -17,7 +17,7 @@ from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import import_module
 from inspect import getmembers, getmodule, getsource, isfunction
-from math import isfinite, isnan
+from math import isfinite, isnan, nan
 from types import FunctionType
 from typing import Any
 
@@ -44,8 +44,8 @@ _LAW = tuple(
     import_module(f'nadrc_ros.adrc.{name}')
     for name in (
         *('delay_line', 'limiter', 'feedback', 'state', 'angle', 'differentiator', 'observer'),
-        *('law', 'transfer'),
-        *('supervisor', 'tick', 'sample', 'settings', 'status', 'realised'),
+        *('gain', 'deadband', 'law', 'transfer', 'supervisor', 'tick', 'sample', 'settings'),
+        *('status', 'realised'),
     )
 )
 _SIMULATION = (integrate, total_disturbance, shown, accumulate, accumulate_remainders)
@@ -146,13 +146,13 @@ def compiled_loop(
             y = output(plant, x)
             measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
             if outer is None:
-                sample = Sample(measurement, h, h, 0.0, command, True)
+                sample = Sample(measurement, h, h, 0.0, command, True, nan)
                 u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
             else:
                 acted = realised_reference(design, state, policy, command, asked)
                 if not LOWEST <= acted <= HIGHEST:
                     break
-                sample = Sample(measurement, h, h, 0.0, acted, policy.mode == MODE_OK)
+                sample = Sample(measurement, h, h, 0.0, acted, policy.mode == MODE_OK, nan)
                 asking, asked_now, asked_decided = tick(
                     facing, outer_state, around, sample, reference, True, True, outer_spare
                 )
@@ -160,13 +160,13 @@ def compiled_loop(
                     break
                 inner_reference[0] = asking
                 measured_rate = x[controlled] + rate_noise[k - noise_start]
-                sample = Sample(measured_rate, h, h, 0.0, command, True)
+                sample = Sample(measured_rate, h, h, 0.0, command, True, nan)
                 u, now, decided = tick(
                     design, state, policy, sample, inner_reference, True, True, spare
                 )
             disturbances(disturbance, t, w)
             truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
-            truth += (b0 - design.b0) * u
+            truth += (b0 - spare.gain[0]) * u
             integrate(
                 derivative, plant, disturbances, disturbance, t, x, u, h, substeps, work, w, x_next
             )

@@ -136,7 +136,7 @@ class Loop:
         followed = r[0] if experiment.error == 'reference' else outer.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
-        truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - now.b0) * u
+        truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - controller.b0) * u
         error = short(followed - y, outer.design.measurement_period)
         self.metrics.add(t, h, error, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
