@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import at_least, Chain, INF, NAMES, noise
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.gain import gain_at
 from nadrc_ros.adrc.settings import ControllerSettings, GAIN_SOURCES
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.scenario.mapping import from_mapping
 import pytest
 
 H = 0.01
@@ -160,3 +162,15 @@ def test_p12_a_live_change_of_the_table_is_no_bump() -> None:
         assert new == pytest.approx(old, abs=1e-9)
         chain.advance(2.0 * new + 0.7, H)
     assert controller.b0 == 2.0 and abs(chain.y - 1.0) < 0.02
+
+
+def test_a_scenario_refuses_a_topic_that_it_has_not() -> None:
+    values = {
+        'plant': 'chain',
+        'reference': 'step',
+        'rate': 100,
+        'duration': 1.0,
+        'controllers': {'one': {'b0_table': RIGHT, 'b0_source': 'topic'}},
+    }
+    with pytest.raises(SettingError, match='b0_source'):
+        from_mapping(values, '.')

@@ -158,6 +158,10 @@ def _check_controllers(
                 less = f' less the {sum(outer)} of the loops around it' if outer else ''
                 raise SettingError(where, innermost, f'{left}, the order of the plant{less}')
             settings.check_rate(rate)
+            for each in loops_of(settings):
+                if len(each.b0_table) > 1 and each.b0_source == 'topic':
+                    allowed = 'measurement or reference: a scenario has no signal b0_variable'
+                    raise SettingError('b0_source', 'topic', allowed)
         except SettingError as error:
             raise error.inside(f'controllers.{name}') from None
 
