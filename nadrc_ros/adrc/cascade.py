@@ -31,7 +31,7 @@ class CascadeSettings(ControllerSettings):
 
     def __attrs_post_init__(self) -> None:
         super().__attrs_post_init__()
-        refuse_unfit(self, self.inner)
+        self.check_inner(self.inner)
 
     def check_rate(self, rate: float) -> None:
         """Refuse times that are too short for a loop at ``rate`` [Hz], in every loop."""
@@ -40,29 +40,6 @@ class CascadeSettings(ControllerSettings):
             self.inner.check_rate(rate)
         except SettingError as error:
             raise error.inside('inner') from None
-
-
-def refuse_unfit(
-    outer: ControllerSettings, inner: ControllerSettings, of: str = 'the inner loop'
-) -> None:
-    """
-    Refuse an inner loop that would not take every command of the outer one as it is.
-
-    Raises
-    ------
-    SettingError
-        Names the limit of the command, and that ``of`` the inner loop; or the period of an angle.
-
-    """
-    if inner.measurement_period > 0.0:
-        allowed = f'0 of {of}: it would follow another command than the one that it is given'
-        raise SettingError('measurement_period', inner.measurement_period, allowed)
-    if outer.command_min < inner.reference_min:
-        allowed = f'at least reference_min = {inner.reference_min!r} of {of}'
-        raise SettingError('command_min', outer.command_min, allowed)
-    if outer.command_max > inner.reference_max:
-        allowed = f'at most reference_max = {inner.reference_max!r} of {of}'
-        raise SettingError('command_max', outer.command_max, allowed)
 
 
 def loops_of(settings: ControllerSettings) -> list[ControllerSettings]:
@@ -101,7 +78,7 @@ class Cascade:
             Controller(each, enabled=enabled, checked=checked) for each in loops_of(settings)
         ]
         for outer, inner in zip(self.loops, self.loops[1:]):
-            outer.inner = inner
+            outer.join(inner)
 
     def tick(
         self,

@@ -39,9 +39,10 @@ class Controller:
 
     Attributes
     ----------
-    inner
-        The controller that takes the command as its reference, if one does in this process: it
-        says what it made of it, and whether it follows.
+    inner, outer
+        The controller that takes the command as its reference, if one does in this process, which
+        says what it made of it, and whether it follows; and the one whose command is followed. See
+        :meth:`join`.
     settings, design, state, policy
         What runs, and where law and policy are; a retune takes over with the next tick.
     sample, reference, command, status
@@ -67,6 +68,7 @@ class Controller:
         self, settings: ControllerSettings, *, enabled: bool = True, checked: bool = False
     ) -> None:
         self.inner: Controller | None = None
+        self.outer: Controller | None = None
         self.settings = settings
         self.design = make_design(settings)
         self.state = blank_state(self.design)
@@ -215,6 +217,28 @@ class Controller:
                 raise SettingError(name, wanted, f'{now}: it is fixed at start')
         if self.enabled and settings.b0 * self.settings.b0 < 0.0:
             raise SettingError('b0', settings.b0, 'of the sign it has, until it is disabled')
+        if self.inner is not None:
+            settings.check_inner(self.inner.staged)
+        if self.outer is not None:
+            self.outer.staged.check_inner(settings, 'this one')
+
+    @property
+    def staged(self) -> ControllerSettings:
+        """The settings that take over with the next tick, those that run if there are none."""
+        return self._pending[0] if self._pending is not None else self.settings
+
+    def join(self, inner: Controller) -> None:
+        """
+        Let another controller take the command as its reference, ticked after this one.
+
+        Raises
+        ------
+        SettingError
+            As :meth:`~nadrc_ros.adrc.settings.ControllerSettings.check_inner`.
+
+        """
+        self.staged.check_inner(inner.staged)
+        self.inner, inner.outer = inner, self
 
     def reset(self) -> None:
         """Forget the estimates; the next valid measurement restarts them without a bump."""
@@ -241,6 +265,11 @@ class Controller:
     def cause(self) -> Cause:
         """Why the law does not act."""
         return Cause(self.policy.cause)
+
+    @property
+    def commanding(self) -> bool:
+        """Tell whether it is in control of what no inner loop of this process passes on."""
+        return self.policy.mode == MODE_OK and self.inner is None
 
     @property
     def restarted(self) -> bool:

@@ -330,6 +330,27 @@ class ControllerSettings:
                 f'a list with b1, b2, ... not 0 and of the sign of b0 = {self.b0!r}',
             )
 
+    def check_inner(self, inner: ControllerSettings, of: str = 'the inner loop') -> None:
+        """
+        Refuse an inner loop that would not take every command of this one as it is.
+
+        Raises
+        ------
+        SettingError
+            Names the limit of the command, and that ``of`` the inner loop; or its period of an
+            angle.
+
+        """
+        if inner.measurement_period > 0.0:
+            allowed = f'0 of {of}: it would follow another command than the one that it is given'
+            raise SettingError('measurement_period', inner.measurement_period, allowed)
+        if self.command_min < inner.reference_min:
+            allowed = f'at least reference_min = {inner.reference_min!r} of {of}'
+            raise SettingError('command_min', self.command_min, allowed)
+        if self.command_max > inner.reference_max:
+            allowed = f'at most reference_max = {inner.reference_max!r} of {of}'
+            raise SettingError('command_max', self.command_max, allowed)
+
     def _check_length(self, name: str, count: int) -> None:
         values = getattr(self, name)
         if len(values) not in (1, count):

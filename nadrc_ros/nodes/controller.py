@@ -10,13 +10,13 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
+from nadrc_ros.nodes.cascades import make_joined
 from nadrc_ros.nodes.doubts import Doubts
-from nadrc_ros.nodes.estimates import Estimates
+from nadrc_ros.nodes.estimates import Estimates, loop_values
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.rivals import Rivals
@@ -26,7 +26,7 @@ from nadrc_ros.ros.graph import OutputWatch
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup, written_to
-from nadrc_ros.ros.runtime import BAD_START, run
+from nadrc_ros.ros.runtime import run
 from nadrc_ros.ros.topics import Info, reference_topics
 from nadrc_ros.ros.wiring_parameters import Wiring
 from std_srvs.srv import SetBool
@@ -64,7 +64,8 @@ class ControllerNode(LiveNode):
         self.controller = Controller(
             settings, enabled=self._loop.enabled_at_start, checked=in_lockstep
         )
-        references = reference_topics(settings)
+        self.reference_from = self._loop.reference_from
+        references = () if self.reference_from else reference_topics(settings)
         self._reference: list[float | None] = [None] * len(references)
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = self._idle = 0
@@ -97,7 +98,7 @@ class ControllerNode(LiveNode):
             doubts = Doubts(self.controller, rate, self._parameter_overrides, self.remarks)
             self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
             taken = OutputWatch(self, self._command, self.remarks)
-            self.checks.append(lambda: taken.look(self.controller.mode == Mode.OK))
+            self.checks.append(lambda: taken.look(self.controller.commanding))
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.add_trigger('~/reset', self._reset)
         shared = self._loop.share_command or in_lockstep
@@ -118,6 +119,10 @@ class ControllerNode(LiveNode):
             if loop.trace:
                 self.trace = TraceWriter(path, settings, self.pacing.lockstep)
         self._set_enabled(loop.enabled_at_start)
+
+    def lead(self) -> None:
+        """Note that an inner loop takes the command: on its topic there is nobody to mind."""
+        self._rivals.ignore()
 
     # ---- parameters and services ----
 
@@ -208,6 +213,8 @@ class ControllerNode(LiveNode):
 
     def _take_reference(self) -> Reference | None:
         """Return a reference that came since the last step, None for derivatives that did not."""
+        if self.controller.outer is not None:
+            return (self.controller.outer.command,)
         if self._reference[0] is None:
             return None
         taken, self._reference = self._reference, [None] * len(self._reference)
@@ -279,14 +286,7 @@ class ControllerNode(LiveNode):
     def report(self) -> Report:
         """Tell the mode and its cause, and what the samples were like."""
         controller = self.controller
-        values: dict[str, object] = {
-            'structure': controller.settings.structure,
-            'enabled': controller.enabled,
-            'mode': controller.mode.name.lower(),
-            'cause': controller.cause.name.lower(),
-            'measurement_age': controller.policy.measurement_age,
-            'reference_age': controller.policy.reference_age,
-        }
+        values = loop_values(controller)
         if self.lockstep is None:
             values |= {
                 'ticks_without_measurement': self._idle,
@@ -369,18 +369,14 @@ def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
         Names the axis that cannot be; what the others began to write is gone.
 
     """
-    names = axes_asked(arguments)
-    spaces = [axis_namespace(name, arguments) for name in names]
-    nodes: list[ControllerNode] = []
-    for name, space in zip(names, spaces):
-        try:
-            first = nodes[0] if nodes else None
-            nodes.append(Axis(first, spaces, space, arguments=arguments))
-        except BAD_START as error:
-            for node in nodes:
-                node.discard()
-            raise UserError(f'axis {name}: {error}') from error
-    return nodes or [ControllerNode(arguments=arguments)]
+    spaces = {name: axis_namespace(name, arguments) for name in axes_asked(arguments)}
+
+    def make(name: str, first: ControllerNode | None) -> ControllerNode:
+        return Axis(first, list(spaces.values()), spaces[name], arguments=arguments)
+
+    if not spaces:
+        return make_joined([''], lambda name, first: ControllerNode(arguments=arguments))
+    return make_joined(list(spaces), make)
 
 
 def main() -> int:

@@ -57,7 +57,8 @@ class Doubts:
         refused_y, refused_r = controller.refused_measurement, controller.refused_reference
         held, before = controller.reference[0], self._reference
         self._reference = held
-        topic, *derivatives = (each.topic for each in references)
+        topics = [each.topic for each in references]
+        topic, derivatives = topics[0] if topics else 'the axis around it', topics[1:]
         self._scatter = max(policy.spread, _KEPT * self._scatter)
         say('bandwidth', self._bandwidths(settings))
         say('default', self._defaults(settings))
@@ -100,6 +101,8 @@ class Doubts:
         )
 
     def _defaults(self, settings: ControllerSettings) -> str:
+        if self._controller.inner is not None:  # b0 = 1: the inner loop does what it is asked
+            return ''
         left = [n for n in self._forgotten if getattr(settings, n) == getattr(_DEFAULTS, n)]
         values = ', '.join(f'{name} = {getattr(_DEFAULTS, name):g}' for name in left)
         return f'{values}: by default, and not of your plant' if 'b0' in left else ''

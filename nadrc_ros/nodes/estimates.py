@@ -12,6 +12,18 @@ from nadrc_ros.ros.topics import Sender
 _TOPICS = tuple(f'~/{topic}' for topic in ESTIMATES.values())
 
 
+def loop_values(controller: Controller) -> dict[str, object]:
+    """Return what /diagnostics has of the law and its fault policy."""
+    return {
+        'structure': controller.settings.structure,
+        'enabled': controller.enabled,
+        'mode': controller.mode.name.lower(),
+        'cause': controller.cause.name.lower(),
+        'measurement_age': controller.policy.measurement_age,
+        'reference_age': controller.policy.reference_age,
+    }
+
+
 class Estimates:
     """
     Publishes the estimates that somebody reads, or in lockstep ``always`` all of them.

@@ -16,6 +16,12 @@ class LoopSettings:
         'what starts a step: a fixed-rate timer, or each received measurement',
         live=False,
     )
+    reference_from: str = text(
+        '',
+        'axis of the same process whose command is the reference, without a topic and a period '
+        'late by none: the inner loop of a cascade; empty = the topic',
+        live=False,
+    )
     enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
     share_command: bool = flag(
         False,

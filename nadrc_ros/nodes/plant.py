@@ -299,8 +299,9 @@ class PlantNode(LiveNode):
 
 
 def noise_fields() -> dict[str, Declared]:
-    """Return the parameters of the noise: its fields with a prefix, but for the seed."""
+    """Return the parameters of the noise of the output: its fields with a prefix, but the seed."""
     fields = behind(_NOISE, declared(Noise))
+    del fields[_NOISE + 'derivative_variances']
     return {'seed' if name == _NOISE + 'seed' else name: f for name, f in fields.items()}
 
 

@@ -101,6 +101,11 @@ class Rivals:
         silence = time.monotonic() - self._last
         return silence < min(self._longest, max(_SHORTEST, _INTERVALS * self._interval))
 
+    def ignore(self) -> None:
+        """Listen no longer: another loop of this process takes the command, and nobody else."""
+        self._shared, self.listening = True, False
+        self._hear(False)
+
     def refusal(self) -> str:
         """Return why we cannot take over, empty if we can."""
         if not self.commanding:
