@@ -278,7 +278,8 @@ DRAWN = ['time', 'reference', 'output', 'command', 'disturbance_estimate', 'tota
 
 def flat(**columns: Any) -> Any:
     zeros = np.zeros_like(columns['time'])
-    return SimpleNamespace(**{name: np.array(columns.get(name, zeros)) for name in DRAWN})
+    drawn = {name: np.array(columns.get(name, zeros)) for name in DRAWN}
+    return SimpleNamespace(**drawn, measurement_period=0.0)
 
 
 def test_a_picture_has_a_row_for_each_signal_and_each_controller() -> None:

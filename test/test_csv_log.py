@@ -7,9 +7,10 @@ from pathlib import Path
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.records.angles import unwrapped
 from nadrc_ros.records.read_run import read_run
 from nadrc_ros.records.recorded_run import Array, RecordedRun, window
-from nadrc_ros.records.shaping import thinned, unwrapped, wrap_of
+from nadrc_ros.records.shaping import thinned, wrap_of
 from nadrc_ros.records.source import Source
 import numpy as np
 import pytest
@@ -142,7 +143,7 @@ def test_an_angle_that_wraps_is_known_and_can_be_unwrapped(period: float, low: f
         measurement=(turning - low) % period + low, reference=(target - low) % period + low
     )
     assert wrap_of(wrapped.columns['measurement']) == period
-    straight = unwrapped(wrapped, period).columns
+    straight = unwrapped(wrapped.columns, period)
     shift = straight['measurement'] - turning
     np.testing.assert_allclose(shift, shift[0], atol=1e-9 * period)
     np.testing.assert_allclose(straight['reference'] - target, shift[0], atol=1e-9 * period)

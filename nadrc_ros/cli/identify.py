@@ -51,7 +51,10 @@ def identify(
     where: options.Log,
     wrap: Annotated[
         Optional[float],
-        typer.Option(min=0.0, help='Period of a wrapped angle, to unwrap it; 0 = it is none.'),
+        typer.Option(
+            min=0.0,
+            help='Period of a wrapped angle, to unwrap it; 0 = it is none.',
+        ),
     ] = None,
     every: Annotated[
         Optional[int],
@@ -78,6 +81,8 @@ def identify(
         from nadrc_ros.tuning.identification.advice import advise, running_controller
         from nadrc_ros.tuning.identification.identify import identify as find
 
+        if wrap is None:
+            wrap = recorded.measurement_period or None
         recorded, log, kept, doubts = _prepared(recorded, wrap, every)
         with progress(f'fitting {len(log.command)} samples'):
             # the loop to be designed has the rate of the log, whatever was used of it
@@ -85,6 +90,9 @@ def identify(
         _print_table(f'{run}: {plant.samples} samples, {plant.samples * log.h:.4g} s', plant)
         running = running_controller(recorded.history)
         advice = advise(plant, log, running)
+        if wrap and running is None:
+            angle = attrs.evolve(advice.settings, measurement_period=wrap)
+            advice = attrs.evolve(advice, settings=angle)
         if b0 is None and running and running.plant_order == plant.order:
             b0 = running.b0
     with reporting():
@@ -105,12 +113,13 @@ def _prepared(
     recorded: 'RecordedRun', wrap: Optional[float], every: Optional[int]
 ) -> 'tuple[RecordedRun, Log, int, list[str]]':
     """Return the run, what the fit gets of it, every which row that is, and doubts."""
-    from nadrc_ros.records.shaping import thinned, unwrapped, without_outliers
+    from nadrc_ros.records.angles import unwrapped
+    from nadrc_ros.records.shaping import thinned, without_outliers
     from nadrc_ros.tuning.identification.log import log_of, seems_swapped, SWAPPED
 
     run = recorded.path
     if wrap:
-        recorded = unwrapped(recorded, wrap)
+        recorded = attrs.evolve(recorded, columns=unwrapped(recorded.columns, wrap))
     recorded, wrong = without_outliers(recorded)
     if wrong:
         complain(f'{run}: {wrong}')

@@ -83,6 +83,7 @@ def recorder_parameters(
         'duration': duration,
         'command_min': settings.command_min,
         'command_max': settings.command_max,
+        'measurement_period': settings.measurement_period,
     }
 
 

@@ -20,7 +20,7 @@ from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.recorder_intake import Intake
 from nadrc_ros.records.figures import Figures, summary
 from nadrc_ros.records.history import (
-    about_limits,
+    about_figures,
     append_event,
     append_parameters,
     Event,
@@ -124,7 +124,8 @@ class RecorderNode(LiveNode):
         self._watch = ParameterWatch(self, (*NEEDED, told), self._on_parameters)
         for source in (self.settings.controller, self.settings.plant):
             receive_events(self, source, self._on_event)
-        self.intake = Intake(self, topics, self.settings.duration or inf)
+        period = self.settings.measurement_period
+        self.intake = Intake(self, topics, self.settings.duration or inf, period)
         if not (self.pacing.lockstep or self.intake.simulated):  # stamps are of this machine
             self._columns += STAMPS
         steady_timer(self, _FLUSH, self._on_flush)
@@ -144,7 +145,7 @@ class RecorderNode(LiveNode):
                 write_about(folder.path, self._about())
                 for node, values in self._watch.known.items():
                     append_parameters(folder.path, None, node, values)
-                    history.take(None, node, about_limits(values))
+                    history.take(None, node, about_figures(values))
             except OSError:
                 folder.discard()
                 raise
@@ -206,7 +207,7 @@ class RecorderNode(LiveNode):
         def write(t: float | None) -> None:
             append_parameters(self.folder.path, t, node, values)
             # not all, as somebody may retune without end
-            self._history.take(t, node, about_limits(values))
+            self._history.take(t, node, about_figures(values))
 
         self._note(write, '/parameter_events of ' + node, info)
 

@@ -40,13 +40,17 @@ class Intake:
     """
     Has a node hear the topics of signals, and makes rows of what comes, in runs of ``duration``.
 
+    ``period`` is that of an angle, if it is known already.
+
     Times are of the steady clock of this machine, in simulated time of ``/clock``: there a sample
     left when it came, and where that clock goes back, time stands still. ``clock_jumps`` counts
     how often in the run the clock of a publisher turned out to be another one than it was. In
     lockstep the samples come to the node itself, and here is nothing.
     """
 
-    def __init__(self, node: LiveNode, topics: Mapping[str, str], duration: float) -> None:
+    def __init__(
+        self, node: LiveNode, topics: Mapping[str, str], duration: float, period: float
+    ) -> None:
         self.losses = {name: Losses() for name in topics}
         self.simulated: bool = node.get_parameter('use_sim_time').value
         self._node = node
@@ -54,6 +58,7 @@ class Intake:
         self._departures: dict[str, Departures] = {}
         self._offset = Offset()
         self._clock = self._stood = 0
+        self._period = period
         self.restart(0)
         self.wiring, self._home = WiringSettings(), ''
         self._topics = topics
@@ -63,7 +68,10 @@ class Intake:
             node.add_input(topic, partial(self.take, name), qos=RECORD, **_watched(name))
 
     def follow(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Take the wiring of a controller for ours, from its parameters and its full name."""
+        """Take the wiring of a controller for ours, and its period, from its parameters."""
+        told = parameters.get('measurement_period')
+        if isinstance(told, float) and told > 0.0:
+            self._period = self._rows.period = told
         with suppress(UserError):  # a node of that name that is none of ours
             self.wiring, self._home = build_wiring(parameters), node
             self.rewire()
@@ -113,6 +121,7 @@ class Intake:
         self.clock_jumps = 0
         self._jumps: list[tuple[int, str, str]] = []
         self._rows = Rows(list(self.losses), self._duration * _SECOND)
+        self._rows.period = self._period
         self._begin = begin
         self._looked = self.now()
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.angle import short
 from nadrc_ros.records.history import History, read_history
 from nadrc_ros.records.recording import (
     read_columns,
@@ -19,7 +20,10 @@ from nadrc_ros.records.recording import (
     stop_of,
 )
 from nadrc_ros.records.spacing import Spacing
-from nadrc_ros.simulation.metrics import Metrics, MetricValues
+from nadrc_ros.simulation.metrics import Metrics, MetricValues, SETTLED
+
+# So many rows are kept until a controller tells whether they are of an angle.
+_MOST_UNTOLD = 10_000
 
 
 class Figures:
@@ -30,7 +34,8 @@ class Figures:
     usual spacing, as does one before a gap: what nobody measured is in no figure, but in
     ``gap_time``.
 
-    Where the settings name no limit of the command, the history may: what the controllers told.
+    Where the settings name no limit of the command and no period of an angle, the history may:
+    what the controllers told. Rows from before a period was told are counted anew.
 
     Attributes
     ----------
@@ -57,6 +62,8 @@ class Figures:
         self._metrics = Metrics(settings.settle_time or inf)
         self._spacing = Spacing()
         self._waiting: tuple[float, Mapping[str, float]] | None = None
+        self._period: float | None = settings.measurement_period or None
+        self._untold: list[tuple[float, float, float, float, bool]] = []
         self._passed = self._regular = 0
         self._lasted = 0.0
         self.last = 0.0
@@ -149,10 +156,27 @@ class Figures:
             output = values['measurement']
         saturated = command <= self.settings.command_min or command >= self.settings.command_max
         error = followed - output
+        if self._period is None:
+            self._seek_period()
+        if self._period is None:
+            self._untold.append((t, h, error, command, saturated))
+        error = short(error, self._period or 0.0)
         self._metrics.add(t, h, error, command, saturated)
         if isfinite(error) and isfinite(command):  # else it is in no figure
             self._lowest.add(-command, h)
             self._highest.add(command, h)
+
+    def _seek_period(self) -> None:
+        """Take the period that was told meanwhile, and count the rows before it by it."""
+        self._period = self._history.measurement_period()
+        if self._period is None and len(self._untold) >= _MOST_UNTOLD:
+            self._period = 0.0
+        if self._period:
+            self._metrics = Metrics(self._metrics.sums[SETTLED])
+            for t, h, error, command, saturated in self._untold:
+                self._metrics.add(t, h, short(error, self._period), command, saturated)
+        if self._period is not None:
+            self._untold.clear()
 
 
 class _Largest:

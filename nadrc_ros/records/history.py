@@ -33,6 +33,7 @@ EVENTS = 'events.jsonl'
 _CONTROLLER_HAS = {'structure', 'inner_bandwidth'}
 _PLANT_HAS = {'plant', 'noise_variance'}
 _COMMAND_LIMITS = ('command_min', 'command_max')
+_PERIOD = 'measurement_period'
 
 T = TypeVar('T')
 Values = dict[str, Any]
@@ -108,9 +109,7 @@ class History:
 
     def command_limits(self) -> tuple[float, float] | None:
         """Return the limits of the command that held all the time, None where nobody knows."""
-        controllers = [
-            node for node, values in self.parameters.items() if values.keys() >= _CONTROLLER_HAS
-        ]
+        controllers = self._controllers()
         told = {
             tuple(self.parameters[node].get(name) for name in _COMMAND_LIMITS)
             for node in controllers
@@ -121,10 +120,22 @@ class History:
             return None
         return None if (low, high) == (LOWEST, HIGHEST) else (low, high)
 
+    def measurement_period(self) -> float | None:
+        """Return the period of the angle that is controlled, 0 if it is none; None if untold."""
+        told = {self.parameters[node].get(_PERIOD) for node in self._controllers()}
+        if not told:
+            return None
+        period = told.pop()
+        return period if isinstance(period, float) and isfinite(period) and not told else 0.0
 
-def about_limits(values: Mapping[str, Any]) -> Values:
-    """Return what of the parameters of a node :meth:`History.command_limits` needs: a few."""
+    def _controllers(self) -> list[str]:
+        return [n for n, values in self.parameters.items() if values.keys() >= _CONTROLLER_HAS]
+
+
+def about_figures(values: Mapping[str, Any]) -> Values:
+    """Return what of the parameters of a node the figures of merit need: a few."""
     names = [*(_CONTROLLER_HAS if values.keys() >= _CONTROLLER_HAS else ()), *_COMMAND_LIMITS]
+    names.append(_PERIOD)
     return {name: values[name] for name in names if name in values}
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from nadrc_ros.records.angles import short_way, unwrapped
 from nadrc_ros.records.figures import Figures, figures_of
 from nadrc_ros.records.history import Change, Event, History
 from nadrc_ros.records.recording import RecordingError, RunSettings
@@ -107,7 +108,18 @@ class RecordedRun:
         followed = self.column('tracking')
         if self.figure_settings.error == 'reference':
             followed = np.where(np.isnan(self.reference), followed, self.reference)
-        return followed - self.output
+        return short_way(followed - self.output, self.measurement_period)
+
+    @property
+    def measurement_period(self) -> float:
+        """Return the period of an angle, 0 of what is none, or where nobody told."""
+        told = self.history.measurement_period()
+        return self.figure_settings.measurement_period or told or 0.0
+
+    def unwrapped(self) -> RecordedRun:
+        """Return the run of an angle as one that turns on, to draw it; another as it is."""
+        period = self.measurement_period
+        return attrs.evolve(self, columns=unwrapped(self.columns, period)) if period else self
 
     # ---- besides the samples ----
 

@@ -30,7 +30,7 @@ ESTIMATES = {
 STAMPED = ('reference', 'measurement', 'command')
 STAMPS = tuple(f'{name}_stamp' for name in STAMPED)
 # What an earlier version did not write and took for granted.
-_TAKEN_FOR_GRANTED = {'settle_time': 2.0}
+_TAKEN_FOR_GRANTED = {'settle_time': 2.0, 'measurement_period': 0.0}
 
 
 class RecordingError(UserError):
@@ -61,6 +61,14 @@ class FigureSettings:
         HIGHEST,
         'command unit',
         'upper limit, for the saturated fraction; with neither, those of the controller',
+        live=False,
+    )
+    measurement_period: float = number(
+        0.0,
+        0.0,
+        HIGHEST,
+        'output unit',
+        'period of an angle, whose error is the short one; 0 = that of the controller',
         live=False,
     )
     settle_time: float = number(

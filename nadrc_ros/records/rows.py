@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from math import inf, isfinite, nan
 
 import attrs
+from nadrc_ros.adrc.angle import short
 from nadrc_ros.records.spacing import GAP_SPACINGS, Spacing
 
 _MEASUREMENT, _REFERENCE, _OUTPUT, _COMMAND = 'measurement', 'reference', 'output', 'command'
@@ -140,6 +141,8 @@ class Rows:
     ----------
     begin
         When the first row begins [ns], None before it.
+    period
+        Of a reference that is an angle, else 0.
     newest
         The latest time of any sample [ns].
     late
@@ -151,6 +154,7 @@ class Rows:
 
     def __init__(self, names: Sequence[str], duration: float = inf) -> None:
         self.begin: int | None = None
+        self.period = 0.0
         self.late = 0
         self.gaps: list[Gap] = []
         self._tracks = {name: Track() for name in names}
@@ -329,7 +333,7 @@ class Rows:
             or span > GAP_SPACINGS * usual
         ):
             return value
-        return value + (following - value) * (time - track.times[place]) / span
+        return value + short(following - value, self.period) * (time - track.times[place]) / span
 
     def _forget(self) -> None:
         """Drop what no row will need."""

@@ -24,7 +24,6 @@ PERIODS = {2.0 * pi: '6.283185307179586', 360.0: '360', 1.0: '1'} | {
 # on either side of the middle for some of the time, which a spike does not.
 _FILLED_SHARE, _JUMP_SHARE, _STEP_SHARE, _STAYING_SHARE = 0.9, 0.8, 0.1, 0.01
 _FEWEST_VALUES = 20
-_OTHER_ANGLES = ('reference', 'output', 'tracking', 'output_estimate')
 # Between two rows that are kept the output may miss their straight line by that share of its span
 # and that of its noise: with five times more, b0 of a plant of order 2 was off by half a percent.
 _BEND, _BEND_IN_NOISE = 2e-4, 0.2
@@ -45,19 +44,6 @@ def wrap_of(values: Array) -> float | None:
     ):
         return None
     return next((each for each in PERIODS if _FILLED_SHARE * each <= span <= 1.001 * each), None)
-
-
-def unwrapped(run: RecordedRun, period: float) -> RecordedRun:
-    """Return the run with an angle that goes on where it wrapped, and a reference beside it."""
-    columns = dict(run.columns)
-    y = columns['measurement']
-    known = np.isfinite(y)
-    turned = y.copy()
-    turned[known] = np.unwrap(y[known], period=period)
-    columns['measurement'] = turned
-    for name in (name for name in _OTHER_ANGLES if name in columns):
-        columns[name] = columns[name] + period * np.rint((turned - columns[name]) / period)
-    return attrs.evolve(run, columns=columns)
 
 
 def thinned(run: RecordedRun, most: int, every: int | None = None) -> tuple[RecordedRun, int]:

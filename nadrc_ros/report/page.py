@@ -28,7 +28,7 @@ _NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
 def page(runs: Mapping[str, RecordedRun]) -> str:
     """Return the whole page on these runs, by name."""
     marked = numbered({name: run.changes for name, run in runs.items()})
-    plotter = Plotter(runs, marked)
+    plotter = Plotter({name: run.unwrapped() for name, run in runs.items()}, marked)
     sections = {
         'figures': ('Figures of merit', tables.figures_of_merit(runs)),
         'changes': ('Changes on the way', _changes(marked, list(runs))),

@@ -11,6 +11,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from nadrc_ros.records.angles import unwrapped
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.curves import frame
 from nadrc_ros.report.marks import Mark
@@ -54,6 +55,8 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
     between controllers because it depends on the command. A start that would make all the rest
     look flat runs out of its frame.
     """
+    lines = {name: _turning(trace) for name, trace in traces.items()}
+    errors = {name: line['reference'] - line['output'] for name, line in lines.items()}
     with rc_context(STYLE):
         rows = 3 + len(traces)
         head = _HEAD + ceil((2 + len(traces)) / _LEGEND_COLUMNS) * _LEGEND_LINE
@@ -67,15 +70,17 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
             # The busiest lines lie lowest and are the thickest, or they would hide the others.
             trace = traces[name]
             look = {'color': colours[name], 'linestyle': dashes[name], 'linewidth': width}
-            axes[0].plot(trace.time, trace.output, **look)
-            axes[1].plot(trace.time, trace.reference - trace.output, **look)
+            axes[0].plot(trace.time, lines[name]['output'], **look)
+            axes[1].plot(trace.time, errors[name], **look)
             axes[2].step(trace.time, trace.command, where='post', **look)
-        first = next(iter(traces.values()))
-        axes[0].plot(first.time, first.reference, color=INK, linestyle=(0, (4, 3)), linewidth=1.0)
+        first, line = next(iter(traces.values())), next(iter(lines.values()))
+        axes[0].plot(
+            first.time, line['reference'], color=INK, linestyle=(0, (4, 3)), linewidth=1.0
+        )
         axes[0].set_title('output y and reference r')
         axes[1].set_title('tracking error r − y')
         axes[2].set_title('command u')
-        _frame(axes[1], [(t.time, t.reference - t.output) for t in traces.values()])
+        _frame(axes[1], [(t.time, errors[name]) for name, t in traces.items()])
         _frame(axes[2], [(t.time, t.command) for t in traces.values()])
         truths = [(t.time, t.total_disturbance) for t in traces.values()]
         estimates = [(t.time, t.disturbance_estimate) for t in traces.values()]
@@ -119,6 +124,12 @@ def render(figure: Figure, file_format: str) -> bytes:
     with rc_context(STYLE):
         figure.savefig(buffer, format=file_format, dpi=150)
     return buffer.getvalue()
+
+
+def _turning(trace: Drawn) -> dict[str, Array]:
+    """Return output and reference; of an angle they go on where it wraps."""
+    columns = {'output': trace.output, 'reference': trace.reference}
+    return unwrapped(columns | {'measurement': trace.output}, trace.measurement_period)
 
 
 def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:

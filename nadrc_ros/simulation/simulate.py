@@ -67,6 +67,7 @@ class Result:
     total_disturbance: Array
     metrics: MetricValues
     status_counts: dict[str, int]
+    measurement_period: float = 0.0
     inner: tuple[InnerLoop, ...] = ()
 
 
@@ -117,6 +118,7 @@ def simulate(
         disturbances=rows[:, FIRST_LEVEL : FIRST_LEVEL + loop.levels].copy(),
         metrics=loop.metrics.values(),
         status_counts={s.name.lower(): n for s, n in loop.controller.counts.items() if n},
+        measurement_period=settings.measurement_period,
     )
 
 

@@ -242,6 +242,7 @@ class RunningLoop:
             status_counts={
                 s.name.lower(): n for s, n in self.controller.controller.counts.items() if n
             },
+            measurement_period=self.controller.controller.settings.measurement_period,
         )
 
     def events(self) -> list[Event]:

@@ -56,6 +56,16 @@ duration: 1.5
 limits: {command_min: -8, command_max: 8}
 controllers: {nested: {}}
 """
+ANGLE = """
+plant: {name: chain, order: 2, initial_state: [300, 0]}
+reference: {signal: cosine, amplitude: 300.0, frequency: 2.0}
+noise: {variance: 1e-2}
+sensor: {wrap_min: -180, wrap_max: 180}
+rate: 100
+duration: 2
+limits: {command_min: -5000, command_max: 5000}
+controllers: {angle: {measurement_period: 360}}
+"""
 
 
 def assert_same_bits(scenario: Scenario, name: str, run: Run) -> None:
@@ -103,6 +113,19 @@ def test_p18_so_do_all_structures_in_one_process(structure: str) -> None:
     assert same(result.disturbances.ravel(), offline.disturbances.ravel())
     assert result.metrics == offline.metrics and result.status_counts == offline.status_counts
     assert len(set(result.command)) > 1500
+
+
+def test_p18_so_does_an_angle_through_a_sensor_that_wraps(tmp_path: Path) -> None:
+    scenario = loads(ANGLE)
+    runs = run_lockstep(scenario, tmp_path, lambda name: None)
+    assert_same_bits(scenario, 'angle', runs['angle'])
+    assert max(map(abs, runs['angle'].samples['measurement'])) < 180.5
+    assert (
+        runs['angle'].summary['metrics']['max_error']
+        < 180.0
+        < 540.0
+        < (max(runs['angle'].samples['output']) - min(runs['angle'].samples['output']))
+    )
 
 
 def test_p18_with_signals_and_a_plant_of_the_users(tmp_path: Path) -> None:
