@@ -118,8 +118,9 @@ def step(
     received = state.gain[0] * acted
     update(design, state.levels, observed, received, dt, speed, out.levels, out.scratch)
     lasting, brief = state.offset[0], state.offset[1]
-    out.offset[0] = lasting * exp(-design.controller_bandwidth * dt) if lasting != 0.0 else 0.0
-    out.offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
+    offset = out.offset
+    offset[0] = lasting * exp(-design.controller_bandwidth * dt) if lasting != 0.0 else 0.0
+    offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
     if design.gain_source > 0:
         follow_gain(design, state, gain_variable, acting, dt, out)
     if design.error_deadband > 0.0:
@@ -131,17 +132,18 @@ def step(
     if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
         share /= 1.0 + share  # implicit Euler: below 1 however long dt is
-    once, twice = state.smoothed[0], state.smoothed[1]
-    once += (raw - out.offset[0] - out.offset[1] - once) * share
-    out.smoothed[0] = once
-    out.smoothed[1] = twice + (once - twice) * share
+    before, smoothed = state.smoothed, out.smoothed
+    once, twice = before[0], before[1]
+    once += (raw - offset[0] - offset[1] - once) * share
+    smoothed[0] = once
+    smoothed[1] = twice + (once - twice) * share
     if lasting != 0.0:
         # An offset that was made under a bad sample may be far too large. What of it only presses
         # against a limit goes at once, which the command does not show.
         excess = raw - clamp(design, raw)
         if excess * lasting > 0.0:
-            removed = min(abs(excess), abs(out.offset[0]))
-            out.offset[0] -= copysign(removed, lasting)
+            removed = min(abs(excess), abs(offset[0]))
+            offset[0] -= copysign(removed, lasting)
     return limit(design, raw, applied, dt)
 
 

@@ -135,7 +135,7 @@ def average_command(state: State, applied: float, elapsed: float) -> None:
 
 def raw_command(design: Design, state: State) -> float:
     """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits; at rest as held."""
-    if state.resting[0] > 0.0:
+    if design.error_deadband > 0.0 and state.resting[0] > 0.0:
         return state.resting[1]
     levels = state.levels
     order = design.order
@@ -145,7 +145,8 @@ def raw_command(design: Design, state: State) -> float:
     while k > 0:
         k -= 1
         v -= levels[k][order]
-    return v / state.gain[0] + state.offset[0] + state.offset[1]
+    offset = state.offset
+    return v / state.gain[0] + offset[0] + offset[1]
 
 
 def match_command(design: Design, state: State, command: float) -> None:
