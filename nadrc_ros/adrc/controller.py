@@ -133,8 +133,8 @@ class Controller:
             applied, followed = self.inner.realised(self.command)
         if applied is None or not LOWEST <= applied <= HIGHEST:
             applied = self.command
-        if LOWEST <= gain_variable <= HIGHEST:
-            self.gain_variable = gain_variable
+        if gain_variable == gain_variable:
+            self.take_gain_variable(gain_variable)
         ages = self._ages
         for i in range(1, len(ages)):
             ages[i] += elapsed
@@ -239,6 +239,11 @@ class Controller:
         """
         self.staged.check_inner(inner.staged)
         self.inner, inner.outer = inner, self
+
+    def take_gain_variable(self, value: float) -> None:
+        """Keep what ``b0_table`` is over if ``b0_source`` is ``topic``, unless it is no number."""
+        if LOWEST <= value <= HIGHEST:
+            self.gain_variable = value
 
     def reset(self) -> None:
         """Forget the estimates; the next valid measurement restarts them without a bump."""

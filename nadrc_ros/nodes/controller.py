@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
@@ -27,7 +28,7 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import run
-from nadrc_ros.ros.topics import Info, reference_topics
+from nadrc_ros.ros.topics import GAIN_TOPIC, Info, reference_topics
 from nadrc_ros.ros.wiring_parameters import Wiring
 from std_srvs.srv import SetBool
 
@@ -79,6 +80,9 @@ class ControllerNode(LiveNode):
         self._wiring.add_input('measurement', self._on_measurement, silence=WARN, regular=True)
         for i, topic in enumerate(references):
             self._wiring.add_input(topic, partial(self._on_reference, i), silence=None)
+        if settings.b0_source == 'topic':
+            take = self.controller.take_gain_variable
+            self._wiring.add_input(GAIN_TOPIC, lambda value, _: take(value), silence=WARN)
         self._sample_ticker: SampleTicker | None = None
         if not in_lockstep:
             rate, by_timer = self.pacing.rate, self._loop.trigger == 'timer'
@@ -96,7 +100,8 @@ class ControllerNode(LiveNode):
             self._now = self.ticker.now
             self._ticked = self._now()
             doubts = Doubts(self.controller, rate, self._parameter_overrides, self.remarks)
-            self.checks.append(lambda: doubts.look(self._times.spacing, self.inputs[1:]))
+            expected = self.inputs[1 : 1 + len(references)]
+            self.checks.append(lambda: doubts.look(self._times.spacing, expected))
             taken = OutputWatch(self, self._command, self.remarks)
             self.checks.append(lambda: taken.look(self.controller.commanding))
         self.create_service(SetBool, '~/enable', self._on_enable)
@@ -130,6 +135,9 @@ class ControllerNode(LiveNode):
         """Make settings that also fit the rate."""
         settings = build(ControllerSettings, values)
         settings.check_rate(self.pacing.rate)
+        if self.pacing.lockstep and settings.b0_source == 'topic':
+            allowed = 'measurement or reference with pacing: lockstep'
+            raise SettingError('b0_source', 'topic', allowed)
         if running := getattr(self, 'controller', None):
             running.check_retune(settings)
         return settings

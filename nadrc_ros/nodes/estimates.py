@@ -14,7 +14,7 @@ _TOPICS = tuple(f'~/{topic}' for topic in ESTIMATES.values())
 
 def loop_values(controller: Controller) -> dict[str, object]:
     """Return what /diagnostics has of the law and its fault policy."""
-    return {
+    values: dict[str, object] = {
         'structure': controller.settings.structure,
         'enabled': controller.enabled,
         'mode': controller.mode.name.lower(),
@@ -22,6 +22,11 @@ def loop_values(controller: Controller) -> dict[str, object]:
         'measurement_age': controller.policy.measurement_age,
         'reference_age': controller.policy.reference_age,
     }
+    if len(controller.settings.b0_table) > 1:
+        values['b0'] = controller.b0
+    if controller.settings.error_deadband > 0.0:
+        values['resting'] = controller.resting
+    return values
 
 
 class Estimates:

@@ -21,6 +21,7 @@ _REMAP = {'-r', '--remap'}
 # What one remaps for all nodes of a machine at once, whether or not they have it.
 _COMMON = {
     *('reference', 'reference/rate', 'reference/acceleration', 'measurement', 'command'),
+    'b0_variable',
     *('clock', 'diagnostics', 'parameter_events', 'rosout', 'tf', 'tf_static'),
 }
 _ALIKE = 0.75

@@ -31,6 +31,8 @@ from std_msgs.msg import Float64
 
 # The reference and its derivatives, REFERENCE_DERIVATIVES of them.
 REFERENCE_TOPICS = ('reference', 'reference/rate', 'reference/acceleration')
+# What b0_table is over, if b0_source is topic.
+GAIN_TOPIC = 'b0_variable'
 Info = dict[str, Any]
 Receive = Callable[[float, Info], None]
 Take = Callable[[bytes, Info], None]

@@ -16,13 +16,14 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.stamps import SampleTimes
-from nadrc_ros.ros.topics import Info, Receive, REFERENCE_TOPICS, Sender
+from nadrc_ros.ros.topics import GAIN_TOPIC, Info, Receive, REFERENCE_TOPICS, Sender
 from nadrc_ros.ros.wires import make_wire, PREFIX, Wire
 from nadrc_ros.wiring.address import Address, AddressError, GRAMMAR, parse_address
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Signals by the topics that they have without a wiring.
-SIGNALS = {t: t.replace('/', '_') for t in ('measurement', *REFERENCE_TOPICS, 'command')}
+_TOPICS = ('measurement', *REFERENCE_TOPICS, GAIN_TOPIC, 'command')
+SIGNALS = {topic: topic.replace('/', '_') for topic in _TOPICS}
 
 
 # Where several publishers tell parts of a machine, none may replace the last message of another.
@@ -45,6 +46,7 @@ class WiringSettings:
     reference: str = _address('reference')
     reference_rate: str = _address('derivative of the reference')
     reference_acceleration: str = _address('second derivative of the reference')
+    b0_variable: str = _address('variable of b0_table')
     command: str = _address('command')
     stamp: str = choice(
         'header',
