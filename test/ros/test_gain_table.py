@@ -54,6 +54,6 @@ def test_b0_follows_its_topic_and_the_loop_rests(
 
 
 def test_in_lockstep_there_is_no_topic_for_it(probe: Probe, start: Processes) -> None:
-    process = start('controller', pacing='lockstep', b0_source='topic')
+    process = start('controller', pacing='lockstep', steps=10, b0_source='topic')
     assert probe.end_of(process) == 1
     assert 'b0_source' in process.said and 'Traceback' not in process.said
