@@ -190,6 +190,32 @@ def test_retunes_give_the_same_bits() -> None:
     assert np.isnan(result.disturbances[[10, 150, -1], 3]).tolist() == [False, True, False]
 
 
+@pytest.mark.parametrize(
+    ('rate', 'settings'),
+    [
+        (0.0, {}),
+        (30.0, {'plant_order': 1}),
+        (20.0, {'plant_order': 3, 'measurement_period': 1.5}),
+        (20.0, {'reference_max': 0.9, 'max_dt': 0.1}),
+        (20.0, {'reference_derivatives': 'topics'}),
+    ],
+    ids=str,
+)
+def test_a_reference_that_comes_alone_gives_the_same_bits(
+    rate: float, settings: dict[str, Any]
+) -> None:
+    order = settings.get('plant_order', 2)
+    faults = Faults(measurement=(MeasurementFault(kind='silent', start=0.5, duration=0.2),))
+    retunes = (Retune(time=2.0, settings={'controller_bandwidth': 9.0}),)
+    alone = chain(order, reference_alone=True, reference_rate=rate, faults=faults, retunes=retunes)
+    result = both(alone, **settings)
+    if rate:
+        assert len(set(result.reference)) == rate * alone.duration
+    zero = {} if settings.get('reference_derivatives') else {'reference_derivatives': 'none'}
+    without = simulate(alone, ControllerSettings(**settings | zero))
+    assert np.array_equal(without.command, result.command) == (not zero)
+
+
 @pytest.mark.parametrize('kind', MEASUREMENT_KINDS)
 def test_faults_give_the_same_bits(kind: str) -> None:
     measurement = (

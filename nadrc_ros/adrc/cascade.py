@@ -103,5 +103,5 @@ class Cascade:
                 age=age,
                 reference=reference,
             )
-            reference = [loop.command]
+            reference = [loop.command, 0.0, 0.0]  # what feeds back has no feed-forward
         return self.loops[-1].command

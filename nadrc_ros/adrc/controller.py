@@ -9,6 +9,7 @@ from nadrc_ros.adrc.angle import counted
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.intake import ReferenceIntake
 from nadrc_ros.adrc.limiter import clamp
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.sample import Sample
@@ -51,8 +52,10 @@ class Controller:
         The last one received, nan before the first.
     counts
         How often each status came; a refused reference counts as ``BAD_REFERENCE``.
-    refused_measurement, refused_reference
-        The last one, if it was out of range; None and nan once a good one came.
+    intake
+        What takes the reference in.
+    refused_measurement
+        The last one, if it was out of range; None once a good one came.
 
     Examples
     --------
@@ -74,16 +77,14 @@ class Controller:
         self.state = blank_state(self.design)
         self.policy = PolicyState(good=settings.good_samples - 1 if checked else 0)
         self._enabled = enabled
-        self.reference: list[float] = [0.0] * (self.design.order + 1)
         self.command = settings.safe_command
         self.gain_variable = nan
         self.sample = Sample(nan, 0.0, 0.0, 0.0, self.command)
         self.status = Status.NO_MEASUREMENT
         self.counts = dict.fromkeys(Status, 0)
-        self.refused_reference = nan
+        self.intake = ReferenceIntake(settings, self.counts)
+        self.reference = self.intake.values
         self.refused_measurement: float | None = None
-        self._ages = [0.0] * len(self.reference)
-        self._received = 1 + settings.received_derivatives
         self._next = blank_state(self.design)
         self._pending: tuple[ControllerSettings, Design] | None = None
         self._restarted = False
@@ -114,8 +115,10 @@ class Controller:
         age
             How long ago the measurement came [s]: ``measurement_timeout`` counts from then.
         reference
-            r and its derivatives, or None when no new one came. One that is left out is 0; None or
-            no number stands for the last one, for at most ``max_dt``, then for 0, without a bump.
+            r and its derivatives, or None when no new one came. None or no number stands for the
+            last one, for at most ``max_dt``, then for 0, without a bump. One that is left out is
+            0; with ``reference_derivatives = auto`` it is estimated from the samples of r, as is
+            one that does not come any more.
         applied
             The command that really acted since the last tick; unknown, the one returned then.
         followed
@@ -135,10 +138,7 @@ class Controller:
             applied = self.command
         if gain_variable == gain_variable:
             self.take_gain_variable(gain_variable)
-        ages = self._ages
-        for i in range(1, len(ages)):
-            ages[i] += elapsed
-        referenced = reference is not None and self._take(reference)
+        referenced = self.intake.advance(self.design, reference, elapsed)
         gap = self.policy.gap
         sample = Sample(
             measurement,
@@ -174,7 +174,8 @@ class Controller:
         if self._pending is not None:
             command = self._swap(*self._pending, command, applied, limited_over)
         self.command = command
-        self._drop_old_derivatives(applied, elapsed)
+        if self.intake.drop_old(self.design.max_dt):
+            adopt_reference(self.design, self.reference, self.state, applied, elapsed)
         return command
 
     def realised(self, unknown: float) -> tuple[float, bool]:
@@ -310,6 +311,11 @@ class Controller:
         return self.state.gain[0]
 
     @property
+    def refused_reference(self) -> float:
+        """Return the last reference, if it was out of range; nan once a good one came."""
+        return self.intake.refused
+
+    @property
     def resting(self) -> bool:
         """Tell whether the command is held inside the deadband of the error."""
         return self.state.resting[0] > 0.0
@@ -333,39 +339,6 @@ class Controller:
     def total_disturbance(self) -> float:
         """Return the estimate of L = y^(n) - b0 u: the sum of the levels."""
         return disturbance_estimate(self.design, self.state)
-
-    def _take(self, reference: Sequence[float | None]) -> bool:
-        """Keep a received reference with its known derivatives; refuse nonsense, count it."""
-        bad = False
-        for value in reference:
-            if value is not None and not LOWEST <= value <= HIGHEST:
-                bad = True
-        if bad:
-            self.counts[Status.BAD_REFERENCE] += 1
-        given = min(self._received, len(reference))
-        r = reference[0] if given else None
-        if r is None or not LOWEST <= r <= HIGHEST:
-            return False
-        if not self.design.reference_min <= r <= self.design.reference_max:
-            self.counts[Status.BAD_REFERENCE] += 1
-            self.refused_reference = r
-            return False
-        self.refused_reference = nan
-        for i in range(len(self.reference)):
-            value = reference[i] if i < given else 0.0
-            if value is not None and LOWEST <= value <= HIGHEST:
-                self.reference[i] = value
-                self._ages[i] = 0.0
-        return True
-
-    def _drop_old_derivatives(self, applied: float, elapsed: float) -> None:
-        """Count derivatives that ceased to come as 0; the command does not show it."""
-        reference, dropped = self.reference, False
-        for i in range(1, len(reference)):
-            if reference[i] != 0.0 and self._ages[i] > self.design.max_dt:
-                reference[i], dropped = 0.0, True
-        if dropped:
-            adopt_reference(self.design, reference, self.state, applied, elapsed)
 
     def _swap(
         self,

@@ -170,9 +170,10 @@ class ControllerSettings:
         '0 = off',
     )
     reference_derivatives: str = choice(
-        'topics',
-        ('topics', 'differentiator', 'none'),
-        'derivatives of the reference: received, from the tracking differentiator, or taken as 0',
+        'auto',
+        ('auto', 'topics', 'differentiator', 'none'),
+        'derivatives of the reference: received, and from its own samples while they do not come; '
+        'only received; from the tracking differentiator; or taken as 0',
         live=False,
     )
     error_based: bool = flag(
@@ -289,7 +290,7 @@ class ControllerSettings:
     @property
     def received_derivatives(self) -> int:
         """How many derivatives of the reference the law takes from outside."""
-        if self.reference_derivatives != 'topics':
+        if self.reference_derivatives not in ('auto', 'topics'):
             return 0
         return min(self.plant_order, REFERENCE_DERIVATIVES)
 

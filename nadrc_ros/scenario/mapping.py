@@ -23,7 +23,7 @@ from nadrc_ros.simulation.sensor import Sensor
 
 S = TypeVar('S', PlantSpec, SignalSpec)
 # Keys whose values are those of the scenario as they are.
-_SAME = ('rate', 'duration', 'error', 'settle_time')
+_SAME = ('rate', 'duration', 'error', 'reference_alone', 'reference_rate', 'settle_time')
 _KEYS = (
     *('plant', 'reference', 'disturbance', 'noise', 'sensor', 'faults', 'seed', *_SAME),
     *('limits', 'controllers', 'retune'),

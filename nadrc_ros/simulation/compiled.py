@@ -24,15 +24,16 @@ from typing import Any
 from nadrc_ros.adrc import law, observer, transfer
 from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.realised import realised_reference
+from nadrc_ros.adrc.reference import estimated, follow
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.state import disturbance_estimate, output_estimate, rest, start
+from nadrc_ros.adrc.state import copy_vector, disturbance_estimate, output_estimate, rest, start
 from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import FIRST_LEVEL, ROW_WIDTH
 from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
-from nadrc_ros.simulation.protocols import probe_states, total_disturbance
+from nadrc_ros.simulation.protocols import probe_states, sample_time, total_disturbance
 from nadrc_ros.simulation.sensor import shown
 import numba
 from numba import types
@@ -45,10 +46,13 @@ _LAW = tuple(
     for name in (
         *('delay_line', 'limiter', 'feedback', 'state', 'angle', 'differentiator', 'observer'),
         *('gain', 'deadband', 'law', 'transfer', 'supervisor', 'tick', 'sample', 'settings'),
-        *('status', 'realised'),
+        *('status', 'realised', 'reference'),
     )
 )
-_SIMULATION = (integrate, total_disturbance, shown, accumulate, accumulate_remainders)
+_SIMULATION = (
+    *(integrate, sample_time, total_disturbance, shown),
+    *(accumulate, accumulate_remainders),
+)
 # So many combinations of classes are kept ready; a further one is read from disk again.
 _LOOPS_KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
@@ -57,8 +61,10 @@ _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
 # compile for nothing.
 _NOT_INLINED = (
     *(law._refuse, law._restart, start, rest),
-    *(transfer.restart_profile, observer.place),
+    *(transfer.restart_profile, observer.place, follow),
 )
+# Compiled once for all loops, which takes longer than the rest of one.
+_SHARED = (tick, follow)
 
 
 @intrinsic
@@ -113,8 +119,8 @@ def compiled_loop(
     ) -> Any:
         plant, reference_signal, disturbance = unowned(things)
         design, state, spare = unowned(law)
-        noise, r, reference, x, x_next, w, work = unowned(buffers)
-        rate, substeps, b0, known, tracking, wrap_min, wrap_max = constants
+        noise, r, reference, memory, memory_before, x, x_next, w, work = unowned(buffers)
+        rate, own_rate, substeps, b0, known, estimates, tracking, wrap_min, wrap_max = constants
         k, stop, noise_start, command, policy = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
@@ -130,9 +136,11 @@ def compiled_loop(
         status = 0
         while k < stop:
             t = k / rate
+            if estimates > 0:
+                copy_vector(memory, memory_before)
             for i in range(len(r)):
                 r[i] = 0.0
-            references(reference_signal, t, r)
+            references(reference_signal, sample_time(k, rate, own_rate), r)
             # What is out of the ordinary ends this before the period is done, with all as it was
             # at its begin. Plain Python does the period then: there a plant of a user's raises,
             # with its line, what compiled is a silent nan.
@@ -141,8 +149,13 @@ def compiled_loop(
                 usable = usable and LOWEST <= r[i] <= HIGHEST
             if not usable:
                 break
-            for i in range(len(reference)):
-                reference[i] = r[i] if i < known and i < len(r) else 0.0
+            for i in range(known + estimates, len(reference)):
+                reference[i] = 0.0
+            for i in range(known):
+                reference[i] = r[i]
+            if estimates > 0 and follow(facing, memory, r[0], True, h):
+                for i in range(1, 1 + estimates):
+                    reference[i] = estimated(memory, i)
             y = output(plant, x)
             measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
             if outer is None:
@@ -213,6 +226,8 @@ def compiled_loop(
                 outer_counts[asked_now] += 1
             x, x_next = x_next, x
             k += 1
+        if k < stop and estimates > 0:  # plain Python takes the sample of this period anew
+            copy_vector(memory_before, memory)
         parity = (k - first) % 2
         return k, status, command, policy, parity, (asked_status, asked, around)
 
@@ -266,13 +281,18 @@ def _alone(method: Any) -> Any:
 
 @cache
 def share_law() -> None:
-    """Have ``tick``, wherever it is called, compiled once and kept on disk by itself."""
+    """Have ``_SHARED``, wherever they are called, compiled once and kept on disk by themselves."""
     for function in _law():
-        if function is not tick:
+        if function not in _SHARED:
             _register(function)
-    shared = FunctionType(tick.__code__, tick.__globals__)
-    options = {'forceinline': True, 'cache': _named_by_source(shared, ())}
-    overload(tick, jit_options=options, strict=False)(lambda *arguments: shared)
+    for function in _SHARED:
+        _share(function)
+
+
+def _share(function: Any) -> None:
+    shared = FunctionType(function.__code__, function.__globals__)
+    options = {'forceinline': function not in _NOT_INLINED, 'cache': _named_by_source(shared, ())}
+    overload(function, jit_options=options, strict=False)(lambda *arguments: shared)
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import choice, number
+from nadrc_ros.adrc.fields import choice, flag, number
 from nadrc_ros.adrc.settings import FASTEST_RATE, LONGEST, SLOWEST_RATE
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.noise import Noise
@@ -59,6 +59,12 @@ class Conditions:
     duration: float = number(15.0, 1.0 / FASTEST_RATE, LONGEST, 's', 'length of the run')
     error: str = choice(
         'reference', ('reference', 'tracking'), 'error of the metrics: r - y, or r1 - y'
+    )
+    reference_alone: bool = flag(
+        False, 'whether the reference comes without its derivatives, as most robots publish it'
+    )
+    reference_rate: float = number(
+        0.0, 0.0, FASTEST_RATE, 'Hz', 'how often the reference is a new one; 0 = each period'
     )
     settle_time: float = number(
         0.0, 0.0, LONGEST, 's', 'from when on peak_error counts; 0 = a tenth of the duration'

@@ -61,7 +61,12 @@ class Kernel:
         reference, inner_reference = np.array(facing.reference), np.array(running.reference)
         r, w = np.zeros(REFERENCE_DERIVATIVES + 1), np.zeros(1)
         xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
-        known = 1 + facing.settings.received_derivatives
+        known, estimates = 1 + facing.settings.received_derivatives, 0
+        if experiment.reference_alone:
+            if facing.settings.reference_derivatives == 'auto':
+                estimates = known - 1
+            known = 1
+        memory, before = np.array(facing.intake.memory), np.array(facing.intake.memory)
         tracking = experiment.error == 'tracking'
         wrap = experiment.sensor.wrap_min, experiment.sensor.wrap_max
         outer = None
@@ -73,13 +78,13 @@ class Kernel:
             k, status, command, policy, last, outcome = self.compiled(
                 self.fields,
                 (tuple_of(running.design), *states),
-                (loop.noise, r, reference, *xs, w, np.array(make_work(xs.shape[1]))),
                 (
-                    experiment.rate,
-                    plant_run.substeps,
-                    float(plant_run.plant.b0),
-                    known,
-                    tracking,
+                    *(loop.noise, r, reference, memory, before),
+                    *(*xs, w, np.array(make_work(xs.shape[1]))),
+                ),
+                (
+                    *(experiment.rate, experiment.reference_rate, plant_run.substeps),
+                    *(float(plant_run.plant.b0), known, estimates, tracking),
                     *wrap,
                 ),
                 (plant_run.k, stop, loop.noise_start, running.command, running.policy),
@@ -92,6 +97,7 @@ class Kernel:
         if k > plant_run.k:
             plant_run.k = k
             plant_run.state = xs[last].tolist()
+            facing.intake.memory[:] = memory.tolist()
             loop.metrics.sums, loop.remainders = acc.tolist(), remainders.tolist()
             if around:
                 state, (said, asked, decided) = outer_states[last], outcome

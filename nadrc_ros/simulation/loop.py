@@ -12,7 +12,7 @@ from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DE
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, SentSample
 from nadrc_ros.simulation.metrics import accumulate_remainders, Metrics
-from nadrc_ros.simulation.protocols import Signal
+from nadrc_ros.simulation.protocols import sample_time, Signal
 import numpy as np
 import numpy.typing as npt
 
@@ -123,7 +123,9 @@ class Loop:
         while self._changes and self._changes[0][0] <= k:
             self._settings = attrs.evolve(self._settings, **self._changes.pop(0)[1])
             controller.retune(self._settings)
-        r = sample_reference(experiment.reference, k, experiment.rate)
+        r = sample_reference(experiment.reference, k, experiment.rate, experiment.reference_rate)
+        if experiment.reference_alone:
+            del r[1:]
         y = plant_run.output
         at = k - self.noise_start
         shown = plant_run.measured(float(self.noise[at]))
@@ -181,8 +183,12 @@ def row_width(settings: ControllerSettings) -> int:
     return ROW_WIDTH + len(INNER_COLUMNS) * (len(loops_of(settings)) - 1)
 
 
-def sample_reference(signal: Signal, k: int, rate: float) -> list[float]:
-    """Return r, r', r'' at t_k = k / rate: what the reference topics carry."""
+def sample_reference(signal: Signal, k: int, rate: float, own_rate: float = 0.0) -> list[float]:
+    """
+    Return r, r', r'' at t_k = k / rate: what the reference topics carry.
+
+    With an ``own_rate`` those of its last sample, at a multiple of 1 / own_rate.
+    """
     out = [0.0] * (REFERENCE_DERIVATIVES + 1)
-    signal.derivatives(k / rate, out)
+    signal.derivatives(sample_time(k, rate, own_rate), out)
     return out

@@ -10,7 +10,7 @@ they run in plain Python.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite, nan
+from math import floor, isfinite, nan
 from typing import Any, Protocol
 
 from nadrc_ros.adrc.errors import SettingError
@@ -98,6 +98,14 @@ class Signal(Protocol):
 # The methods as functions of a class, which is what numba compiles.
 Derivative = Callable[[Any, float, Vector, float, float, MutableVector], None]
 Derivatives = Callable[[Any, float, MutableVector], None]
+
+
+def sample_time(k: int, rate: float, own_rate: float) -> float:
+    """Return k / rate, or the last multiple of 1 / own_rate until then if that is not 0."""
+    if own_rate > 0.0:
+        # Of two rates with a common divisor, a sample that should fall on a period does.
+        return floor(k / rate * own_rate * (1.0 + 1e-12)) / own_rate
+    return k / rate
 
 
 def total_disturbance(

@@ -1,0 +1,256 @@
+"""A reference that comes alone: its derivatives are those that its own samples show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import pi, sin, sqrt, tanh
+import random
+from typing import Any
+
+import attrs
+from hypothesis import given
+from hypothesis import strategies as st
+from law_helpers import at_least, Chain, INF, NAN
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.reference import blank_memory, estimated, follow
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
+from nadrc_ros.simulation.protocols import Signal
+from nadrc_ros.simulation.signals import Ramp, Sine, Step, Trapezoid
+import pytest
+
+RATE = 200.0
+H = 1.0 / RATE
+MOVE = Trapezoid(velocity=0.8, acceleration=2.0, start_time=0.5)
+SWING = Sine(amplitude=0.5, frequency=pi, start_time=0.5)
+GRAIN = 2.0 / 4096.0
+
+# Called with the number of the tick: r, r', r'' of a new sample, or None.
+Sender = Callable[[int], list[float] | None]
+
+
+def sender(
+    signal: Signal, *, every: int = 1, grain: float = 0.0, noise: float = 0.0, held: bool = False
+) -> Sender:
+    """Send each so many ticks, or what was sent last at each tick."""
+    rng, sent = random.Random(1), [0.0, 0.0, 0.0]
+
+    def send(k: int) -> list[float] | None:
+        nonlocal sent
+        if k % every:
+            return list(sent) if held else None
+        sent = [0.0, 0.0, 0.0]
+        signal.derivatives(k * H, sent)
+        if noise:
+            sent[0] += rng.gauss(0.0, noise)
+        if grain:
+            sent[0] = round(sent[0] / grain) * grain
+        return list(sent)
+
+    return send
+
+
+def arm(settings: ControllerSettings, signal: Signal, send: Sender, known: bool) -> float:
+    """
+    Return the RMS distance of an arm from a signal that is published with derivatives or alone.
+
+    It has gravity, friction that sticks, a coarse encoder and 1.3 times the b0 of the settings.
+    """
+    n = settings.plant_order
+    controller, x, r, total = Controller(settings, checked=True), [0.0] * n, [0.0], 0.0
+    for k in range(800):
+        sent = send(k)
+        reference = None if sent is None else sent if known else sent[:1]
+        u = controller.tick(round(x[0] / GRAIN) * GRAIN, H, reference=reference)
+        signal.derivatives(k * H, r)
+        total += (r[0] - x[0]) ** 2
+        for _ in range(10):
+            push = 1.3 * settings.b0 * u - x[-1] - 10.0 * sin(x[0]) - tanh(x[-1] / 0.01)
+            for i in range(n - 1):
+                x[i] += 0.1 * H * x[i + 1]
+            x[-1] += 0.1 * H * push
+    return sqrt(total / 800)
+
+
+SENDERS: dict[str, tuple[Signal, dict[str, Any]]] = {
+    'trapezoid': (MOVE, {}),
+    'sine': (SWING, {}),
+    'trapezoid, 12 bit': (MOVE, {'grain': GRAIN}),
+    'sine, 12 bit': (SWING, {'grain': GRAIN}),
+    'trapezoid at 20 Hz': (MOVE, {'every': 10}),
+    'joystick at 20 Hz': (SWING, {'every': 10, 'grain': GRAIN}),
+    'joystick at 20 Hz, sent on': (SWING, {'every': 10, 'grain': GRAIN, 'held': True}),
+}
+# Of order 3 the command follows the acceleration with a gain: there coarse samples cost more.
+WITHIN = {1: 1.2, 2: 2.0, 3: 2.5}
+
+
+@pytest.mark.parametrize('n', (1, 2, 3))
+@pytest.mark.parametrize('name', SENDERS)
+def test_it_is_followed_as_with_true_derivatives(name: str, n: int) -> None:
+    signal, how = SENDERS[name]
+    topics = ControllerSettings(
+        plant_order=n,
+        b0=4.0,
+        inner_bandwidth=30.0 if n == 3 else 48.0,
+        outer_bandwidth=15.0 if n == 3 else 24.0,
+        controller_bandwidth=5.0 if n == 3 else 8.0,
+        reference_derivatives='topics',
+    )
+    alone = attrs.evolve(topics, reference_derivatives='auto')
+    true = arm(topics, signal, sender(signal, **how), known=True)
+    assert arm(alone, signal, sender(signal, **how), known=False) < WITHIN[n] * true
+
+
+def loop(source: str, send: Sender, n: int, ticks: int) -> tuple[list[float], list[float]]:
+    """Return outputs and commands of a chain of integrators."""
+    settings = ControllerSettings(
+        plant_order=n, controller_bandwidth=6.0, reference_derivatives=source, command_min=-1e4
+    )
+    controller = Controller(attrs.evolve(settings, command_max=1e4), checked=True)
+    chain, outputs, commands = Chain(n), [], []
+    for k in range(ticks):
+        sent = send(k)
+        commands.append(controller.tick(chain.y, H, reference=sent and sent[:1]))
+        outputs.append(chain.y)
+        chain.advance(commands[-1], H)
+    return outputs, commands
+
+
+@pytest.mark.parametrize('n', (1, 2, 3))
+@pytest.mark.parametrize('how', ({}, {'every': 10}, {'every': 10, 'held': True}, {'noise': 1e-3}))
+def test_a_step_has_no_derivative(n: int, how: dict[str, Any]) -> None:
+    step = Step(start_time=0.5)
+    runs = {source: loop(source, sender(step, **how), n, 600)[0] for source in ('none', 'auto')}
+    assert max(runs['auto']) < max(runs['none']) + 1e-3
+    if not how.get('noise'):
+        assert runs['auto'] == runs['none']
+
+
+@pytest.mark.parametrize('n', (1, 2, 3))
+def test_noise_of_a_reference_that_rests_stays_what_it_is(n: int) -> None:
+    commands = {
+        source: loop(source, sender(Ramp(slope=0.0), noise=1e-3), n, 3000)[1]
+        for source in ('none', 'auto')
+    }
+    power = {source: sum(u * u for u in each) for source, each in commands.items()}
+    assert power['auto'] < 1.1**2 * power['none']
+
+
+def test_noise_of_one_that_moves_costs_less_than_to_observe_the_error() -> None:
+    rough, smooth = (sender(Ramp(), noise=noise) for noise in (1e-3, 0.0))
+
+    def spread(**settings: Any) -> float:
+        controllers = [Controller(ControllerSettings(**settings), checked=True) for _ in range(2)]
+        chains, total = (Chain(2), Chain(2)), 0.0
+        for k in range(1500):
+            u = [
+                c.tick(chain.y, H, reference=(send(k) or [])[:1])
+                for c, chain, send in zip(controllers, chains, (rough, smooth), strict=True)
+            ]
+            for chain, each in zip(chains, u, strict=True):
+                chain.advance(each, H)
+            total += (u[0] - u[1]) ** 2 if k > 500 else 0.0
+        return total
+
+    none, auto, error = (
+        spread(reference_derivatives='none'),
+        spread(),
+        spread(error_based=True),
+    )
+    assert auto < 2.5**2 * none and error > 8.0**2 * none
+
+
+def test_a_clean_reference_has_its_derivatives_after_three_samples() -> None:
+    design, memory = make_design(ControllerSettings()), blank_memory()
+    for _ in range(40):
+        follow(design, memory, 3.0, True, H)
+    for k in range(1, 5):
+        follow(design, memory, 3.0 + (k * H) ** 2, True, H)
+    assert estimated(memory, 1) == pytest.approx(8.0 * H)
+    assert estimated(memory, 2) == pytest.approx(2.0)
+
+
+def test_one_that_stops_or_ceases_has_none() -> None:
+    """Said by the next sample, or told by the silence of two and a half of them."""
+    for came, ticks in ((True, 1), (False, 3)):
+        design, memory = make_design(ControllerSettings()), blank_memory()
+        for k in range(20):
+            follow(design, memory, 0.5 * k * H, True, H)
+        assert estimated(memory, 1) == pytest.approx(0.5, rel=1e-3)
+        for _ in range(ticks + came):
+            follow(design, memory, 0.5 * 19 * H, came, H)
+        assert estimated(memory, 1) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_step_of_one_that_moves_leaves_the_rate() -> None:
+    design, memory = make_design(ControllerSettings()), blank_memory()
+    for k in range(100):
+        follow(design, memory, 0.5 * k * H + (k > 60), True, H)
+        if k > 10:
+            assert estimated(memory, 1) == pytest.approx(0.5, rel=0.03)
+
+
+def test_setpoints_further_apart_than_the_loop_settles_are_steps() -> None:
+    design, memory = make_design(ControllerSettings(controller_bandwidth=10.0)), blank_memory()
+    for k in range(2000):
+        follow(design, memory, float(k // 50), k % 50 == 0, H)
+        assert estimated(memory, 1) == estimated(memory, 2) == 0.0
+
+
+def test_derivatives_that_come_are_taken_and_those_that_cease_are_estimated() -> None:
+    """Per derivative; from one to the other the command has no bump."""
+    controller, chain, commands = Controller(ControllerSettings(max_dt=0.1)), Chain(2), []
+    r = [0.0, 0.0, 0.0]
+    for k in range(400):
+        SWING.derivatives(k * H, r)
+        u = controller.tick(chain.y, H, reference=r[: 3 if k < 200 else 2 if k < 300 else 1])
+        if k < 200 or k > 230:
+            assert controller.reference[2] == (r[2] if k < 200 else pytest.approx(r[2], abs=0.4))
+        if k < 300 or k > 330:
+            assert controller.reference[1] == (r[1] if k < 300 else pytest.approx(r[1], abs=0.02))
+        commands.append(u)
+        chain.advance(u, H)
+    assert max(abs(b - a) for a, b in pairwise(commands[150:])) < 0.5
+
+
+@given(
+    st.integers(1, 5),
+    st.sampled_from((1e-9, 0.1, 4.0, 300.0, 1e6)),
+    st.lists(
+        st.tuples(
+            st.one_of(
+                st.none(), st.floats(LOWEST, HIGHEST), st.sampled_from((0.0, 1.0, 1.0 + 1e-9))
+            ),
+            st.sampled_from((0.0, 1e-9, H, H, H, 0.3, 1e300, INF)),
+        ),
+        max_size=40,
+    ),
+)
+@at_least(100)
+def test_p02_whatever_comes_the_derivatives_are_numbers(
+    n: int, bandwidth: float, samples: list[tuple[float | None, float]]
+) -> None:
+    design = make_design(ControllerSettings(plant_order=n, controller_bandwidth=bandwidth))
+    memory = blank_memory()
+    for r, elapsed in samples:
+        follow(design, memory, NAN if r is None else r, r is not None, elapsed)
+        for i in (1, 2):
+            assert LOWEST <= estimated(memory, i) <= HIGHEST
+    for _ in range(400):  # and it finds back
+        follow(design, memory, 2.0, True, H)
+    assert estimated(memory, 1) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize('period', (2.0 * pi, 360.0))
+def test_an_angle_that_wraps_has_the_derivatives_of_one_that_turns(period: float) -> None:
+    wrapped = make_design(ControllerSettings(measurement_period=period))
+    memories = blank_memory(), blank_memory()
+    for k in range(3000):
+        turned = period * (0.3 * sin(0.01 * k) + 0.002 * k)
+        follow(wrapped, memories[0], (turned + 0.5 * period) % period - 0.5 * period, True, H)
+        follow(make_design(ControllerSettings()), memories[1], turned, True, H)
+        for i in (1, 2):
+            found, wanted = (estimated(memory, i) for memory in memories)
+            assert found == pytest.approx(wanted, abs=period * 10.0 ** (3 * i - 6))
