@@ -44,7 +44,7 @@ def bits(values: Sequence[float]) -> list[str]:
 
 def state_bits(state: State) -> list[list[str]]:
     rows = state.profile, state.offset, state.startup, state.gain, state.resting, state.angle[1:]
-    return [bits(row) for row in (*state.levels, *rows)]
+    return [bits(row) for row in (*state.levels, *rows, state.ripple)]
 
 
 def copy_of(state: State) -> State:
@@ -60,6 +60,10 @@ def copy_of(state: State) -> State:
         list(state.delay_line),
         list(state.angle),
         [list(row) for row in state.scratch],
+        list(state.ripple),
+        [list(row) for row in state.transition],
+        [list(row) for row in state.foresight],
+        [list(row) for row in state.work],
     ]
     return State(*copy)
 
@@ -177,6 +181,37 @@ def varied_settings() -> dict[str, dict[str, Any]]:
             'tracking_acceleration': 5.0,
         },
         'deadband': {'error_deadband': 2.0},
+        'known poles': {'plant_poles': (-20.0, 0.0)},
+        'known lags': {
+            'structure': 'cascade',
+            'plant_poles': (-0.5, -3.0, 1.0),
+            'plant_order': 3,
+            'error_based': True,
+            'feedback': 'fal',
+            'pole_ratios': (1.0, 1.3, 0.7),
+        },
+        'vibration': {'disturbance_frequencies': (30.0,), 'pole_ratios': (1.0, 1.3, 0.7)},
+        'vibrations': {
+            'disturbance_frequencies': (30.0, 7.0),
+            'plant_poles': (-0.5,),
+            'plant_order': 1,
+            'structure': 'printed',
+            'observer_gain_factor': 0.5,
+            'error_based': True,
+        },
+        'vibration-generalized': {
+            'disturbance_frequencies': (12.0,),
+            'plant_poles': (-400.0, -0.1),
+            'b0': -2.0,
+            'structure': 'generalized',
+            'tracking_acceleration': 2.0,
+        },
+        'vibration-nonlinear': {
+            'disturbance_frequencies': (12.0, 31.0, 3.0),
+            'feedback_level': 'outer',
+            'structure': 'nonlinear',
+            'eso_delta': 0.1,
+        },
         'narrow': {'command_min': -1.5, 'command_max': 1.5, 'error_based': True},
     }
     return {name: common | case for name, case in cases.items()}

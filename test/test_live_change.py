@@ -62,6 +62,8 @@ VALUES: dict[str, st.SearchStrategy[Any]] = {
     'pole_ratios': st.one_of(
         st.just((1.0,)), st.lists(st.floats(0.5, 2.0), max_size=4, min_size=1)
     ),
+    'plant_poles': st.sampled_from(((0.0,), (-1.0,), (-30.0,), (0.5,))),
+    'disturbance_frequencies': st.sampled_from(((0.0,), (0.0,), (25.0,), (8.0, 60.0))),
     'observer_gain_factor': st.floats(0.5, 1.0),
     'startup_time': st.sampled_from((0.0, 0.5, 5.0, 60.0)),
     'eso_delta': log_floats(1e-4, 1.0),
@@ -245,6 +247,8 @@ CHANGES: tuple[dict[str, Any], ...] = (
     {'levels': 3},
     {'error_based': True},
     {'observer_gain_factor': 0.5},
+    {'plant_poles': (-1.0, -5.0)},
+    {'disturbance_frequencies': (20.0,)},
 )
 
 

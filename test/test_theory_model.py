@@ -56,8 +56,8 @@ def test_the_matrices_are_those_of_the_step(case: str, h: float) -> None:
     design = case_design(CASES[case])
     states, commands = stepped(design, h)
     a, b_u, b_y = observer_matrices(design, h)
-    f, reference = law_matrices(design)
-    scale = np.tile(h ** np.arange(float(design.states)), design.levels)
+    f, reference = law_matrices(design, h)
+    scale = np.concatenate([h ** np.arange(float(size)) for size in design.sizes])
     size, push = len(a), abs(design.b0) * h**design.order
     found, expected = states[:, :size], a
     close((found.T * scale).T / scale, (expected.T * scale).T / scale)

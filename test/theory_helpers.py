@@ -10,7 +10,7 @@ from law_helpers import design_of, Law, NAMES
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.law import step
 from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.theory.model import observer_matrices
+from nadrc_ros.theory.model import observer_matrices, starts
 from nadrc_ros.theory.system import (
     Array,
     balanced,
@@ -80,14 +80,15 @@ def stepped(design: Design, h: float) -> tuple[Array, Array]:
 
     Shapes (K N, K N + 2 + n + 1) and (K N + 3 + n,).
     """
-    size, inputs = design.levels * design.states, design.order + 1
+    begin, inputs = starts(design), design.order + 1
+    size = begin[-1]
     states, commands = [], []
     for unit in range(size + 2 + inputs):
         vector = np.zeros(size + 2 + inputs)
         vector[unit] = SMALL
         state, out = blank_state(design), blank_state(design)
         for k in range(design.levels):
-            state.levels[k][:] = list(vector[k * design.states : (k + 1) * design.states])
+            state.levels[k][: design.sizes[k]] = list(vector[begin[k] : begin[k + 1]])
         u, status = step(
             design,
             state,
@@ -98,7 +99,8 @@ def stepped(design: Design, h: float) -> tuple[Array, Array]:
             out,
         )
         assert status == 0
-        states.append(np.concatenate([np.array(level) for level in out.levels]) / SMALL)
+        found = [level[:size] for level, size in zip(out.levels, design.sizes)]
+        states.append(np.concatenate(found) / SMALL)
         commands.append(u / SMALL)
     return np.array(states).T, np.array(commands)
 

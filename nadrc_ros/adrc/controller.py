@@ -337,7 +337,7 @@ class Controller:
 
     @property
     def total_disturbance(self) -> float:
-        """Return the estimate of L = y^(n) - b0 u: the sum of the levels."""
+        """Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u: the sum of the levels."""
         return disturbance_estimate(self.design, self.state)
 
     def _swap(

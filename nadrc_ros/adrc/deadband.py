@@ -69,8 +69,10 @@ def _hold(command: float, reference: float, out: State) -> None:
 
 def _speed(design: Design, acting: float, state: State) -> float:
     """Return y' - r1' as estimated."""
-    if design.order == 1:  # there is no state of that name: y' = b0 u + L
+    if design.order == 1:  # there is no state of that name: y' + a_0 y = b0 u + L
         speed = state.gain[0] * acting + disturbance_estimate(design, state)
+        if design.known:
+            speed -= design.damping[0] * output_estimate(design, state)
         return speed - state.profile[1]
     speed = state.levels[design.feedback_level][1]
     return speed if design.error_based else speed - state.profile[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
+from collections.abc import MutableSequence, Sequence
 from math import comb
 from typing import Any
 
@@ -10,6 +10,10 @@ import attrs
 from nadrc_ros.adrc.gains import equal_pole_matrix, inversion_matrix
 from nadrc_ros.adrc.settings import ControllerSettings, GAIN_SOURCES
 from nadrc_ros.adrc.structures import STRUCTURES
+
+# Decay of the error of a known vibration over the bandwidth of level 1, by default: as fast as all
+# the rest it would multiply the noise of the estimate by five, and so it is by one and a half.
+RESONANCE_RATIO = 0.1
 
 Vector = MutableSequence[float]
 Matrix = MutableSequence[MutableSequence[float]]
@@ -26,6 +30,11 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     ``observer_gain_factor``, ``feedback_gains`` and ``exponents`` (n,), ``feedback_level`` counted
     from 0. ``gain_source`` is 0 where b0 is constant, else what ``b0_table`` is over, from 1 on in
     the order of ``GAIN_SOURCES``.
+
+    ``known`` says that the observers are those of :mod:`~nadrc_ros.adrc.internal_model`: with
+    ``plant_poles`` (n,) and ``damping`` (n,), a_0..a_{n-1} of their polynomial, ``frequencies`` of
+    level 1, whose N counts two states for each, ``sizes`` (K,), the states of every level, and
+    ``decays`` (n + m + frequencies,), the poles relative to the bandwidth of the level.
     """
 
     order: int
@@ -43,6 +52,12 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     pole_ratios: list[float]
     observer_gain_factor: float
     gain_matrix: Matrix
+    known: bool
+    plant_poles: list[float]
+    damping: list[float]
+    frequencies: list[float]
+    sizes: list[int]
+    decays: list[float]
     error_based: bool
     no_reference: list[float]
     tracking_acceleration: float
@@ -79,12 +94,17 @@ def make_design(settings: ControllerSettings) -> Design:
     structure = STRUCTURES[settings.structure]
     order = settings.plant_order
     levels = structure.levels(settings.levels)
-    states = order + structure.extended_states(settings.extended_states)
-    ratios = list(settings.pole_ratios[:states])
-    ratios += [ratios[-1]] * (states - len(ratios))
+    states = chain = order + structure.extended_states(settings.extended_states)
+    frequencies = [w for w in settings.disturbance_frequencies if w > 0.0]
+    states += 2 * len(frequencies)
+    ratios = list(settings.pole_ratios[:chain])
+    ratios += [ratios[-1]] * (chain - len(ratios))
+    narrow = list(settings.pole_ratios[chain:][: len(frequencies)])
+    narrow += [RESONANCE_RATIO] * (len(frequencies) - len(narrow))
     equal_poles = len(set(ratios)) == 1
     scale = ratios[0] if equal_poles else 1.0
-    matrix = equal_pole_matrix(states) if equal_poles else inversion_matrix(states)
+    matrix = equal_pole_matrix(chain) if equal_poles else inversion_matrix(chain)
+    plant_poles = _per_state(settings.plant_poles, order)
     factor = settings.observer_gain_factor
     worked_out: dict[str, Any] = {
         'order': order,
@@ -97,6 +117,12 @@ def make_design(settings: ControllerSettings) -> Design:
         'nonlinear': structure.nonlinear,
         'equal_poles': equal_poles,
         'pole_ratios': ratios,
+        'known': any(plant_poles) or bool(frequencies),
+        'plant_poles': plant_poles,
+        'damping': polynomial(plant_poles),
+        'frequencies': frequencies,
+        'sizes': [states, *[chain] * (levels - 1)],
+        'decays': [ratio / scale for ratio in ratios + narrow],
         'gain_matrix': [[factor * value for value in row] for row in matrix],
         'no_reference': [0.0] * (order + 1),
         'linear': settings.feedback == 'linear',
@@ -132,6 +158,14 @@ def feedback_gains(settings: ControllerSettings) -> list[float]:
         return linear
     explicit = _per_state(settings.fal_gains, n)
     return [k if k > 0.0 else default for k, default in zip(explicit, linear, strict=True)]
+
+
+def polynomial(roots: Sequence[float]) -> list[float]:
+    """Return a_0..a_{n-1} of prod_i (s - p_i) = s^n + a_{n-1} s^{n-1} + ... + a_0."""
+    a = [1.0]
+    for root in roots:
+        a = [lower - root * own for lower, own in zip([0.0, *a], [*a, 0.0])]
+    return a[:-1]
 
 
 def _per_state(values: tuple[float, ...], order: int) -> list[float]:

@@ -20,6 +20,7 @@ from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.gain import begin_gain, follow_gain
+from nadrc_ros.adrc.internal_model import update_known
 from nadrc_ros.adrc.limiter import clamp, limit
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST
@@ -116,7 +117,10 @@ def step(
             acted += (acting - acted) * (1.0 - known / dt)
     out.since_sample[1] = 0.0
     received = state.gain[0] * acted
-    update(design, state.levels, observed, received, dt, speed, out.levels, out.scratch)
+    if design.known:
+        update_known(design, state, observed, received, dt, speed, out)
+    else:
+        update(design, state.levels, observed, received, dt, speed, out.levels, out.scratch)
     lasting, brief = state.offset[0], state.offset[1]
     offset = out.offset
     offset[0] = lasting * exp(-design.controller_bandwidth * dt) if lasting != 0.0 else 0.0

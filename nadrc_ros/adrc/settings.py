@@ -11,6 +11,7 @@ from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
+MAX_FREQUENCIES = 3  # with five orders and five extended states the poles are right to 1e-8
 # Bounds of what may be real. They are there for the arithmetic alone: products of what the law
 # multiplies, powers of bandwidths among them, stay far from 1e308 and from 0.
 # Of every signal, in any unit. What is larger counts as no number at all: the observers forget it
@@ -113,7 +114,23 @@ class ControllerSettings:
         1e-3,  # a pole six decades from another is no part of the same observer
         1e3,
         'of the bandwidth',
-        'observer poles, one entry for each of the n + m states; the last one counts for the rest',
+        'observer poles, one entry for each of the n + m states; the last one counts for the '
+        'rest; then one for each of disturbance_frequencies, 0.1 without',
+    )
+    plant_poles: tuple[float, ...] = numbers(
+        (0.0,),
+        -FASTEST,
+        FASTEST,
+        'rad/s',
+        'known real poles of the plant, such as -1 / time constant of a lag: n entries, one for '
+        'all; 0 = integrators, of which nothing is known',
+    )
+    disturbance_frequencies: tuple[float, ...] = numbers(
+        (0.0,),
+        0.0,
+        FASTEST,
+        'rad/s',
+        'known frequencies of the disturbance, up to 3, which level 1 models; 0 = none',
     )
     observer_gain_factor: float = number(
         1.0,
@@ -283,7 +300,21 @@ class ControllerSettings:
                 'at a stop',
             )
         self._check_table()
+        known = [w for w in self.disturbance_frequencies if w > 0.0]
+        if len(known) > MAX_FREQUENCIES or len(set(known)) < len(known):
+            raise SettingError(
+                'disturbance_frequencies',
+                self.disturbance_frequencies,
+                f'at most {MAX_FREQUENCIES} that differ',
+            )
         n = self.plant_order
+        self._check_length('plant_poles', n)
+        if self.measurement_period > 0.0 and all(self.plant_poles):
+            raise SettingError(
+                'plant_poles',
+                self.plant_poles,
+                'with one that is 0 for an angle: a turn further its plant does the same',
+            )
         self._check_length('fal_gains', n)
         self._check_length('fal_exponents', n)
 

@@ -15,6 +15,9 @@ from nadrc_ros.adrc.design import Design, Matrix, Vector
 from nadrc_ros.adrc.feedback import feedback
 from nadrc_ros.adrc.limiter import clamp
 
+# Of ``State.work``, before its two matrices.
+WORK_VECTORS = 5
+
 
 @attrs.frozen
 class State:
@@ -35,6 +38,10 @@ class State:
     nan before it, the equivalent of it that is followed, and the turns that were taken off all of
     these. ``scratch`` (K + 2, N) remembers the observer gains of the last time step: it changes
     the speed of a step, and nothing else.
+
+    With known dynamics (:mod:`~nadrc_ros.adrc.internal_model`) ``ripple`` (n+1,) is what a known
+    vibration makes of y, ..., y^(n-1) at the samples under the command that cancels it, and by how
+    much that is another one than -d; ``transition``, ``foresight`` and ``work`` are more scratch.
     """
 
     levels: Matrix
@@ -48,6 +55,10 @@ class State:
     delay_line: Vector
     angle: Vector
     scratch: Matrix
+    ripple: Vector
+    transition: Matrix
+    foresight: Matrix
+    work: Matrix
 
 
 def blank_state(design: Design) -> State:
@@ -64,6 +75,21 @@ def blank_state(design: Design) -> State:
         blank_line(design.input_delay),
         [nan, 0.0, 0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
+        [0.0] * (design.order + 1),
+        *_known_matrices(design),
+    )
+
+
+def _known_matrices(design: Design) -> tuple[Matrix, Matrix, Matrix]:
+    """Return transition, foresight and work, all zero; one entry each where nothing is known."""
+    if not design.known:
+        return [[0.0]], [[0.0]], [[0.0]]
+    order, states = design.order, design.states
+    largest = max(states, order * (states - order))
+    return (
+        [[0.0] * (states + 1) for _ in range(states)],
+        [[0.0] * (states - order) for _ in range(order + 1)],
+        [[0.0] * (largest + 1) for _ in range(WORK_VECTORS + states + largest)],
     )
 
 
@@ -84,16 +110,22 @@ def start(
 
 
 def rest(design: Design, measurement: float, applied: float, origin: float, out: State) -> None:
-    """Write estimates and profile at rest: y measured, y' = 0 and d_1 = -b0 u, which keeps it."""
+    """
+    Write estimates and profile at rest: y measured, y' = 0, and the d_1 that keeps it.
+
+    That is a_0 y - b0 u, with a_0 the product of the known poles times -1.
+    """
     for k in range(design.levels):
         for i in range(design.states):
             out.levels[k][i] = 0.0
     for i in range(design.order + 1):
-        out.profile[i] = 0.0
+        out.profile[i] = out.ripple[i] = 0.0
     out.profile[0] = origin
     for k in range(design.levels):
         out.levels[k][0] = measurement - origin if design.error_based else measurement
     out.levels[0][design.order] = -out.gain[0] * applied
+    if design.known:
+        out.levels[0][design.order] += design.damping[0] * out.levels[0][0]
     out.resting[0] = 0.0
     out.offset[0] = out.offset[1] = 0.0
     out.since_sample[1] = 0.0
@@ -122,6 +154,7 @@ def copy_state(state: State, out: State) -> None:
     if len(state.delay_line) > 0:
         copy_line(state.delay_line, out.delay_line)
     copy_vector(state.angle, out.angle)
+    copy_vector(state.ripple, out.ripple)
 
 
 def average_command(state: State, applied: float, elapsed: float) -> None:
@@ -133,14 +166,37 @@ def average_command(state: State, applied: float, elapsed: float) -> None:
     state.since_sample[1] = total
 
 
+def settled(design: Design, x: Vector, state: State) -> Vector:
+    """Return y, ..., y^(n-1) without what the known vibrations make of them."""
+    out, i = state.work[0], design.order
+    while i > 0:
+        i -= 1
+        out[i] = x[i] - state.ripple[i]
+    return out
+
+
+def damping(design: Design, x: Vector, first: int = 0) -> float:
+    """Return a_0 y + ... + a_{n-1} y^(n-1), y from ``first`` in x: L is more by that."""
+    total, i = 0.0, design.order
+    while i > 0:
+        i -= 1
+        total += design.damping[i] * x[first + i]
+    return total
+
+
 def raw_command(design: Design, state: State) -> float:
-    """Return u = (v - sum_k d_k) / b0 + offset of a state, before the limits; at rest as held."""
+    """Return u = (v + sum_i a_i y^(i) - sum_k d_k) / b0 + offset, not limited; at rest as held."""
     if design.error_deadband > 0.0 and state.resting[0] > 0.0:
         return state.resting[1]
     levels = state.levels
     order = design.order
     reference = design.no_reference if design.error_based else state.profile
-    v = feedback(design, levels[design.feedback_level], reference)
+    x = levels[design.feedback_level]
+    if design.known:
+        x = settled(design, x, state)
+    v = feedback(design, x, reference)
+    if design.known:
+        v += damping(design, x) - state.ripple[order]
     k = design.cancelled
     while k > 0:
         k -= 1
@@ -173,8 +229,14 @@ def output_estimate(design: Design, state: State) -> float:
 
 
 def disturbance_estimate(design: Design, state: State) -> float:
-    """Return the estimate of L = y^(n) - b0 u, the sum of the levels."""
+    """Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u, the sum of the levels."""
     total = 0.0
     for k in range(design.levels):
         total += state.levels[k][design.order]
-    return total + state.profile[design.order] if design.error_based else total
+    return total + reference_share(design, state.profile) if design.error_based else total
+
+
+def reference_share(design: Design, profile: Vector) -> float:
+    """Return r^(n) + sum_i a_i r^(i): by so much the L of y is more than that of y - r."""
+    share = profile[design.order]
+    return share + damping(design, profile) if design.known else share

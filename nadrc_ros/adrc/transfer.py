@@ -7,11 +7,20 @@ an offset that decays makes up for the difference.
 
 from __future__ import annotations
 
+from math import prod
+
 from nadrc_ros.adrc.delay_line import acting, pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.gain import retune_gain
 from nadrc_ros.adrc.limiter import limit
-from nadrc_ros.adrc.state import blank_state, copy_vector, raw_command, State
+from nadrc_ros.adrc.state import (
+    blank_state,
+    copy_vector,
+    damping,
+    raw_command,
+    reference_share,
+    State,
+)
 
 
 def retune(
@@ -26,10 +35,11 @@ def retune(
     Return ``state`` of ``old`` as one of ``new`` that gives the same command.
 
     Output and derivative estimates are kept. d_1 takes over what the levels that go away
-    estimated, and is re-solved for the new b0, for which L = y^(n) - b0 u is another one. Where
-    the command, limited as it is, would still be another one, the difference becomes an offset.
-    Much of it is the noise of one sample, which a slow loop would integrate for long: so it decays
-    with the inner observer, and so does what is left of a takeover that would become slower.
+    estimated, and is re-solved for the new b0 and poles, for which L = y^(n) + sum_i a_i y^(i) -
+    b0 u is another one. Where the command, limited as it is, would still be another one, the
+    difference becomes an offset. Much of it is the noise of one sample, which a slow loop would
+    integrate for long: so it decays with the inner observer, and so does what is left of a
+    takeover that would become slower.
     ``reference``, ``applied`` and ``dt`` are those of the step that led to ``state``. Plant order
     is fixed.
     """
@@ -46,14 +56,22 @@ def retune(
             if new.error_based:
                 after.levels[k][i] -= after.profile[i]
         if k < old.levels:
+            pace = _pace(old, new)
             for i in range(n, min(old.states, new.states)):
-                after.levels[k][i] = source[i]
+                after.levels[k][i] = source[i] * pace ** (i - n)
     for k in range(new.levels, old.levels):
         after.levels[0][n] += state.levels[k][n]
     if old.error_based:
-        after.levels[0][n] += state.profile[n]
+        after.levels[0][n] += reference_share(old, state.profile)
+    if old.known or new.known:
+        y = [x + r for x, r in zip(state.levels[old.feedback_level], state.profile)]
+        if not old.error_based:
+            y = list(state.levels[old.feedback_level])
+        after.levels[0][n] += damping(new, y) - damping(old, y)
+        if new.frequencies:
+            after.ripple[:] = state.ripple
     if new.error_based:
-        after.levels[0][n] -= after.profile[n]
+        after.levels[0][n] -= reference_share(new, after.profile)
     retune_gain(old, new, state, acting(state.delay_line, applied), after)
     if new.error_deadband > 0.0:  # else it wakes
         after.resting[:] = state.resting
@@ -79,9 +97,26 @@ def retune(
     return after
 
 
+def _pace(old: Design, new: Design) -> float:
+    """
+    Return by how much faster a known vibration is now, 0 where its estimate is of no use.
+
+    Of d(t) = sin(w t) the derivatives grow with powers of w: so its size and phase are kept.
+    """
+    if old.frequencies == new.frequencies:
+        return 1.0
+    if len(old.frequencies) != len(new.frequencies):
+        return 0.0
+    ratios = [now / before for before, now in zip(old.frequencies, new.frequencies)]
+    return prod(ratios) ** (1.0 / len(ratios))
+
+
 def restart_profile(design: Design, start_value: float, state: State) -> None:
     """Let the profile rest at ``start_value``; error-based estimates move along with it."""
     before = raw_command(design, state)
+    if design.error_based and design.known:
+        state.levels[0][design.order] += damping(design, state.profile)
+        state.levels[0][design.order] -= design.damping[0] * start_value
     for i in range(design.order + 1):
         origin = start_value if i == 0 else 0.0
         if design.error_based:  # d_1 is of L - r^(n)

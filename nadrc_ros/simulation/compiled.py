@@ -21,13 +21,20 @@ from math import isfinite, isnan, nan
 from types import FunctionType
 from typing import Any
 
-from nadrc_ros.adrc import law, observer, transfer
+from nadrc_ros.adrc import internal_model, law, observer, transfer
 from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.reference import estimated, follow
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.state import copy_vector, disturbance_estimate, output_estimate, rest, start
+from nadrc_ros.adrc.state import (
+    copy_vector,
+    damping,
+    disturbance_estimate,
+    output_estimate,
+    rest,
+    start,
+)
 from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation.integrate import integrate
@@ -45,8 +52,8 @@ _LAW = tuple(
     import_module(f'nadrc_ros.adrc.{name}')
     for name in (
         *('delay_line', 'limiter', 'feedback', 'state', 'angle', 'differentiator', 'observer'),
-        *('gain', 'deadband', 'law', 'transfer', 'supervisor', 'tick', 'sample', 'settings'),
-        *('status', 'realised', 'reference'),
+        *('transition', 'internal_model', 'gain', 'deadband', 'law', 'transfer', 'supervisor'),
+        *('tick', 'sample', 'settings', 'status', 'realised', 'reference'),
     )
 )
 _SIMULATION = (
@@ -62,6 +69,7 @@ _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
 _NOT_INLINED = (
     *(law._refuse, law._restart, start, rest),
     *(transfer.restart_profile, observer.place, follow),
+    internal_model.update_known,
 )
 # Compiled once for all loops, which takes longer than the rest of one.
 _SHARED = (tick, follow)
@@ -124,12 +132,13 @@ def compiled_loop(
         k, stop, noise_start, command, policy = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
-        facing, around, asked, asked_status = design, policy, 0.0, 0
+        facing, around, asked, asked_status, below = design, policy, 0.0, 0, 0
         if outer is not None:
             facing, outer_state, outer_spare, rate_noise, inner_reference, outer_counts = unowned(
                 outer[0]
             )
             controlled, asked, around = outer[1]
+            below = controlled
         h = 1.0 / rate
         first = k
         lost = isnan(x[0])
@@ -180,6 +189,8 @@ def compiled_loop(
             disturbances(disturbance, t, w)
             truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
             truth += (b0 - spare.gain[0]) * u
+            if design.known:
+                truth += damping(design, x, below)
             integrate(
                 derivative, plant, disturbances, disturbance, t, x, u, h, substeps, work, w, x_next
             )

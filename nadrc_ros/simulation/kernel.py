@@ -249,7 +249,7 @@ def _constant(value: Any) -> Any:
 def tuple_of(thing: Design | State) -> Any:
     """Return a design or a state as numba takes it: a named tuple, its lists as arrays."""
     values = {
-        field.name: _array_of(getattr(thing, field.name), field.name == 'reach')
+        field.name: _array_of(getattr(thing, field.name), field.name in ('reach', 'sizes'))
         for field in attrs.fields(type(thing))
     }
     return _fields('Fields(' + ' '.join(values) + ')')(**values)

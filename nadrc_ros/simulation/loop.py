@@ -9,6 +9,7 @@ import attrs
 from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.cascade import Cascade, loops_of
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
+from nadrc_ros.adrc.state import damping
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, SentSample
 from nadrc_ros.simulation.metrics import accumulate_remainders, Metrics
@@ -139,6 +140,8 @@ class Loop:
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
         truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - controller.b0) * u
+        if controller.design.known:  # the first states of a plant are y, y', ...
+            truth += damping(controller.design, plant_run.state, (0, *self.derivatives)[-1])
         error = short(followed - y, outer.design.measurement_period)
         self.metrics.add(t, h, error, u, saturated)
         accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)

@@ -16,7 +16,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.state import State
+from nadrc_ros.adrc.state import reference_share, State
 from nadrc_ros.simulation.protocols import MutableVector
 
 # Where each sum is, so that the update compiles.
@@ -166,7 +166,7 @@ def accumulate_remainders(
     """
     remainder = truth
     if design.error_based:
-        remainder -= state.profile[design.order]
+        remainder -= reference_share(design, state.profile)
     for k in range(design.levels):
         remainder -= state.levels[k][design.order]
         total = sums[k] + h * t * abs(remainder)

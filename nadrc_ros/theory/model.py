@@ -2,7 +2,8 @@
 The law as matrices, and its transfer functions: all observer levels and the linear feedback.
 
 x stacks the levels, shape (K N,): x = (level 1, ..., level K), each (y, y', ..., y^(n-1), d_k,
-...). From one sample to the next
+...), level 1 with two more states for each known frequency of the disturbance. From one sample
+to the next
 
     x[k] = A x[k-1] + B_u u[k-1] + B_y y[k],      u[k] = -F x[k] + H r[k],
 
@@ -21,6 +22,7 @@ from math import exp, factorial
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import inversion_matrix
+from nadrc_ros.theory.known import known_level, vibration_matrix
 from nadrc_ros.theory.system import Array, StateSpace
 import numpy as np
 
@@ -33,26 +35,34 @@ def pole_frequencies(design: Design, level: int) -> list[float]:
     return [ratio * w for ratio in design.pole_ratios]
 
 
+def starts(design: Design) -> list[int]:
+    """Return where each level begins among the stacked states, and how many there are."""
+    return [sum(design.sizes[:k]) for k in range(design.levels + 1)]
+
+
 def observer_matrices(design: Design, h: float = 0.0) -> tuple[Array, Array, Array]:
     """
-    Return A (K N, K N), B_u (K N,) and B_y (K N,); continuous for ``h = 0``.
+    Return A, B_u and B_y of all levels, stacked; continuous for ``h = 0``.
 
     Continuous: eq. (3) and (20) of the paper with the input of the structure. Discrete: the
     current observer x <- (I - L C)(Ad x + Bd v) + L y with v and L as in ``adrc.observer``.
     """
-    n, size = design.order, design.states
-    a = np.zeros((design.levels * size, design.levels * size))
+    n, begin = design.order, starts(design)
+    a = np.zeros((begin[-1], begin[-1]))
     b_u, b_y = np.zeros(len(a)), np.zeros(len(a))
-    for k in range(design.levels):
-        rows = slice(k * size, (k + 1) * size)
-        predict, push, gain, keep = _level(design, k, h)
+    levels = [_level(design, k, h) for k in range(design.levels)]
+    for k, (predict, push, gain, keep) in enumerate(levels):
+        rows = slice(begin[k], begin[k + 1])
         # x_k <- keep (predict x_k + push v) + gain y_k, or the same with x_k' on the left.
         a[rows, rows] += keep @ predict
         b_u[rows] = keep @ push * design.b0
         for j in range(design.reach[k]):
-            a[rows, j * size + n] += keep @ push
+            # As its own model has it go on; held where that is all there is.
+            acting = np.zeros((design.sizes[k], design.sizes[j] - n))
+            acting[:n] = levels[j][0][:n, n:]
+            a[rows, begin[j] + n : begin[j + 1]] += keep @ acting
         if design.chained and k > 0:
-            before = (k - 1) * size
+            before = begin[k - 1]
             if h > 0.0:  # the new output estimate of the level before, itself a sum of inputs
                 a[rows] += np.outer(gain, a[before])
                 b_u[rows] += gain * b_u[before]
@@ -66,6 +76,8 @@ def observer_matrices(design: Design, h: float = 0.0) -> tuple[Array, Array, Arr
 
 def _level(design: Design, k: int, h: float) -> tuple[Array, Array, Array, Array]:
     """Return the prediction (N, N), its input (N,), the gains (N,) and I - L C or I."""
+    if design.known:
+        return known_level(design, k, h)
     n, size = design.order, design.states
     frequencies = pole_frequencies(design, k)
     identity = np.eye(size)
@@ -100,20 +112,25 @@ def observer_gains(states: int, h: float, poles: list[float]) -> list[float]:
     ]
 
 
-def law_matrices(design: Design) -> tuple[Array, Array]:
+def law_matrices(design: Design, h: float = 0.0) -> tuple[Array, Array]:
     """
-    Return F (K N,) and H (n+1,) of the command u = -F x + H r, before the limits.
+    Return F and H (n+1,) of the command u = -F x + H r, before the limits, x all levels stacked.
 
-    v = sum_i k_i (r_i - x_i) + r_{n+1} and b0 u = v - sum_k d_k, over the levels that the
-    structure cancels. The fal law is taken inside its linear zone, where it has the gains
+    v = sum_i k_i (r_i - x_i) + r_{n+1} and b0 u = v + sum_i a_i x_i - sum_k d_k, over the levels
+    that the structure cancels; with known vibrations, which depend on the period, as in
+    ``adrc.internal_model``. The fal law is taken inside its linear zone, where it has the gains
     k_i / delta^(1 - alpha_i). Error-based, H = 0.
     """
-    n, size = design.order, design.states
+    n, begin = design.order, starts(design)
     gains = np.array(design.feedback_gains)
     if not design.linear:
         gains = gains * design.fal_delta ** (np.array(design.exponents) - 1.0)
-    f, reference = np.zeros(design.levels * size), np.zeros(n + 1)
-    f[design.feedback_level * size : design.feedback_level * size + n] = gains
+    f, reference = np.zeros(begin[-1]), np.zeros(n + 1)
+    own = gains - np.array(design.damping)
+    fed = begin[design.feedback_level]
+    f[fed : fed + n] = own
+    if design.known:
+        f[n : begin[1]] += np.append(-own, 1.0) @ vibration_matrix(design, h)
     f += disturbance_weights(design, design.cancelled)
     if not design.error_based:
         reference[:n], reference[n] = gains, 1.0
@@ -121,10 +138,11 @@ def law_matrices(design: Design) -> tuple[Array, Array]:
 
 
 def disturbance_weights(design: Design, levels: int | None = None) -> Array:
-    """Return the row, shape (K N,), that adds d_1 + ... up to ``levels`` (default all)."""
-    row = np.zeros(design.levels * design.states)
-    row[design.order :: design.states] = 1.0
-    row[(design.levels if levels is None else levels) * design.states :] = 0.0
+    """Return the row that adds d_1 + ... up to ``levels`` (default all) of the stacked states."""
+    begin = starts(design)
+    row = np.zeros(begin[-1])
+    for first in begin[: design.levels if levels is None else levels]:
+        row[first + design.order] = 1.0
     return row
 
 
@@ -165,7 +183,7 @@ def controller(design: Design, h: float = 0.0) -> StateSpace:
     noise.
     """
     a, b_u, b_y = observer_matrices(design, h)
-    f, reference = law_matrices(design)
+    f, reference = law_matrices(design, h)
     closed = a - np.outer(b_u, f)
     into = closed @ b_y if h > 0.0 else b_y
     through = -f @ b_y if h > 0.0 else 0.0

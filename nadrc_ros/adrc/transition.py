@@ -1,0 +1,146 @@
+"""
+exp(A h) - I of the model with known poles and frequencies, for any h.
+
+The vectors that it takes, the result and what is solved with it share ``State.work``: vectors by
+the names here, then the result from ``MATRIX`` on, then as many rows for a system of equations.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from nadrc_ros.adrc.design import Design, Matrix, Vector
+from nadrc_ros.adrc.state import WORK_VECTORS
+
+# Over a tick so long that a pole of the plant decays by more than exp(-3), or a vibration turns by
+# more than 2.5 rad, which is near the half turn that no sample shows, these are not corrected.
+FASTEST_DECAY, LARGEST_TURN = 3.0, 2.5
+# Of a Taylor sum: what the coefficients of a polynomial may add up to, and where it ends.
+_LARGEST_SUM, _LEAST_TERM, _MOST_TERMS, _MOST_HALVINGS = 3.0, 1e-19, 40, 70
+# Rows of ``State.work``, before two matrices.
+PLANT, GENERATOR, BASIS, VECTOR, PRODUCT = range(WORK_VECTORS)
+MATRIX = WORK_VECTORS
+
+
+def polynomials(design: Design, dt: float, part: float, bounded: bool, work: Matrix) -> None:
+    """Write a_j and c_j, lowest first, in the time of ``part`` of ``dt``; bounded if so asked."""
+    row = work[PLANT]
+    row[0] = 1.0
+    for degree in range(1, design.order + 1):
+        root = design.plant_poles[degree - 1] * dt
+        if bounded and root < -FASTEST_DECAY:
+            root = -FASTEST_DECAY
+        root *= part
+        row[degree] = 0.0
+        for j in range(degree, 0, -1):
+            row[j] = row[j - 1] - root * row[j]
+        row[0] *= -root
+    row, degree = work[GENERATOR], design.states - design.order - 2 * len(design.frequencies)
+    for j in range(degree):
+        row[j] = 0.0
+    row[degree] = 1.0
+    for w in design.frequencies:
+        turn = w * dt
+        if bounded and turn > LARGEST_TURN:
+            turn = LARGEST_TURN
+        turn *= part
+        degree += 2
+        row[degree] = row[degree - 1] = 0.0
+        for j in range(degree, 1, -1):
+            row[j] = row[j - 2] + turn * turn * row[j]
+        row[0] *= turn * turn
+        row[1] *= turn * turn
+
+
+def exponential(design: Design, dt: float, bounded: bool, work: Matrix) -> None:
+    """
+    Write exp(H) - I for H = A h with the input as the last state, at ``MATRIX``.
+
+    In the time of h the rows follow from two Taylor sums: row i + 1 is the derivative of row i,
+    which is its product with H. Where H is not small, h is halved and the result doubled as often.
+    """
+    order, states = design.order, design.states
+    part, halved, size = 1.0, 0, _LARGEST_SUM + 1.0
+    while size > _LARGEST_SUM and halved < _MOST_HALVINGS:
+        if halved > 0:
+            part *= 0.5
+        polynomials(design, dt, part, bounded, work)
+        size = 0.0
+        for j in range(order):
+            size += abs(work[PLANT][j])
+        for j in range(states - order):
+            size += abs(work[GENERATOR][j])
+        halved += 1
+    for first in (0, order):
+        total, term = work[MATRIX + first], work[VECTOR]
+        for j in range(states + 1):
+            total[j] = term[j] = 0.0
+        term[first] = 1.0
+        size, terms = 1.0, 0
+        while size > _LEAST_TERM and terms < _MOST_TERMS:
+            terms += 1
+            follow(design, term, work[PRODUCT], work)
+            size = 0.0
+            for j in range(states + 1):
+                term[j] = work[PRODUCT][j] / terms
+                total[j] += term[j]
+                size = max(size, abs(term[j]))
+        for i in range(first, (order if first == 0 else states) - 1):
+            follow(design, work[MATRIX + i], work[MATRIX + i + 1], work)
+    other = MATRIX + states
+    for _ in range(halved - 1):
+        for i in range(states):
+            for j in range(states + 1):
+                value = 2.0 * work[MATRIX + i][j]
+                for q in range(states):
+                    value += work[MATRIX + i][q] * work[MATRIX + q][j]
+                work[other + i][j] = value
+        for i in range(states):
+            for j in range(states + 1):
+                work[MATRIX + i][j] = work[other + i][j]
+    if part < 1.0:
+        up = 1.0
+        for i in range(states):
+            scale = up
+            for j in range(states):
+                work[MATRIX + i][j] *= scale
+                scale *= part
+                if j < order:
+                    work[MATRIX + i][states] *= part
+            work[MATRIX + i][states] *= up
+            up /= part
+
+
+def follow(design: Design, row: Vector, out: Vector, work: Matrix) -> None:
+    """Write the row vector ``row`` times H."""
+    order, states = design.order, design.states
+    top, last = row[order - 1], row[states - 1]
+    for j in range(states - 1, 0, -1):
+        out[j] = row[j - 1]
+    out[0] = 0.0
+    out[states] = top
+    for j in range(order):
+        out[j] -= top * work[PLANT][j]
+    for j in range(order, states):
+        out[j] -= last * work[GENERATOR][j - order]
+
+
+def solve(first: int, size: int, work: Matrix) -> None:
+    """Solve the equations in rows from ``first`` on; right sides, and the result, come last."""
+    for j in range(size):
+        best = j
+        for i in range(j + 1, size):
+            if abs(work[first + i][j]) > abs(work[first + best][j]):
+                best = i
+        pivot = work[first + best][j]
+        if pivot == 0.0:
+            pivot = inf
+        for c in range(j, size + 1):
+            value = work[first + best][c]
+            work[first + best][c] = work[first + j][c]
+            work[first + j][c] = value / pivot
+        for i in range(size):
+            factor = work[first + i][j]
+            if i != j and factor != 0.0:
+                for c in range(j, size + 1):
+                    work[first + i][c] -= factor * work[first + j][c]
