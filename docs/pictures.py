@@ -13,7 +13,7 @@ import sys
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from nadrc_ros.report.picture import COLOURS, INK, STYLE
+from nadrc_ros.report.picture import COLOURS, INK, STYLE, turning
 from nadrc_ros.scenario.files import load
 from nadrc_ros.simulation.simulate import Result
 import numpy as np
@@ -21,7 +21,9 @@ import numpy as np
 HERE = Path(__file__).parent
 SCENARIOS = HERE.parent / 'examples' / 'loops'
 # Page -> from when to when it is shown [s].
-PAGES: dict[str, tuple[float, float]] = {}
+PAGES: dict[str, tuple[float, float]] = {
+    'angles': (0.0, 5.0),
+}
 
 
 def runs(page: str) -> dict[str, Result]:
@@ -47,7 +49,8 @@ def draw(page: str) -> None:
         figure = Figure(figsize=(8.0, 4.2), layout='constrained')
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         first = next(iter(results.values()))
-        above.plot(first.time, first.reference, color=INK, linestyle='--', label='reference')
+        reference = turning(first)['reference']
+        above.plot(first.time, reference, color=INK, linestyle='--', label='reference')
         for (name, result), colour in zip(results.items(), COLOURS, strict=False):
             above.plot(result.time, result.output, color=colour, label=name.replace('_', ' '))
             below.step(result.time, result.command, where='post', color=colour)

@@ -228,6 +228,19 @@ def test_a_stuck_motor_is_a_stall_though_its_reference_turns() -> None:
     assert controller.stalled
 
 
+def test_at_rest_an_angle_stays_at_rest_also_over_the_wrap() -> None:
+    """Around 180 degrees, after two turns, with a reference that is said again each time."""
+    controller, chain = controller_of(360.0, error_deadband=2.0, command_max=400.0), Chain(2)
+    chain.x[0] = 890.0
+    for k, v in enumerate(noise(4, 900, 0.01)):
+        y = wrapped(chain.y + v, 360.0) if k else chain.y
+        u = controller.tick(y, H, reference=[180.0 if k < 600 or k % 2 else -180.0])
+        chain.advance(u + 1.0, H)
+        if k > 500:
+            assert controller.state.resting[0] == 1.0 or k >= 600
+    assert chain.y == pytest.approx(900.0, abs=2.5)
+
+
 def test_p13_a_limited_joint_is_refused() -> None:
     with pytest.raises(SettingError, match='end stops') as refused:
         ControllerSettings(measurement_min=-3.0, measurement_max=3.0, measurement_period=TURN)

@@ -45,6 +45,9 @@ def receive(design: Design, state: State, reference: Vector) -> None:
     there until the next one comes, as at half a period the noise would change the side at will.
     """
     period, raw = design.measurement_period, reference[0]
+    if raw == state.angle[0]:
+        reference[0] = state.angle[1]
+        return
     change = short(raw - state.angle[0], period)  # nan before the first
     near = state.angle[1] + change
     if not abs(change) < _JUMP * period:
@@ -77,6 +80,7 @@ def recentre(design: Design, state: State, reference: Vector) -> None:
         for k in range(design.levels):
             state.levels[k][0] -= away
     state.profile[0] -= away
+    state.resting[2] -= away
     reference[0] -= away
     state.angle[2] += floor(away / period + 0.5)
 

@@ -55,7 +55,7 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
     between controllers because it depends on the command. A start that would make all the rest
     look flat runs out of its frame.
     """
-    lines = {name: _turning(trace) for name, trace in traces.items()}
+    lines = {name: turning(trace) for name, trace in traces.items()}
     errors = {name: line['reference'] - line['output'] for name, line in lines.items()}
     with rc_context(STYLE):
         rows = 3 + len(traces)
@@ -126,7 +126,7 @@ def render(figure: Figure, file_format: str) -> bytes:
     return buffer.getvalue()
 
 
-def _turning(trace: Drawn) -> dict[str, Array]:
+def turning(trace: Drawn) -> dict[str, Array]:
     """Return output and reference; of an angle they go on where it wraps."""
     columns = {'output': trace.output, 'reference': trace.reference}
     return unwrapped(columns | {'measurement': trace.output}, trace.measurement_period)
