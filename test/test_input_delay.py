@@ -9,6 +9,7 @@ from math import nan
 import random
 from typing import Any
 
+import attrs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from law_helpers import Chain, design_of, noise
@@ -17,6 +18,12 @@ from nadrc_ros.adrc.delay_line import acting, blank_line, pass_through
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.scenario import loads, SignalSpec
+from nadrc_ros.simulation.kernel import kernel_for
+from nadrc_ros.simulation.simulate import simulate
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.system import zero_order_hold
+import numpy as np
 import pytest
 
 WIDE: dict[str, Any] = {'command_min': -1e9, 'command_max': 1e9, 'structure': 'conventional'}
@@ -112,17 +119,17 @@ def run_open(
     )
     ticks = stream(seed, 400)
     commands = [*[0.0] * 5, *noise(seed, len(ticks))]  # at rest until it is believed
-    sent, chain = Sent([(u, length) for u, (length, _) in zip(commands, ticks)], 0.0), Chain(order)
+    sent, plant = Sent([(u, length) for u, (length, _) in zip(commands, ticks)], 0.0), Chain(order)
     now = since = 0.0
     errors, disturbances = [], []
     for k, (length, sampled) in enumerate(ticks):
         for u, part in sent.parts(now - delay, now + length - delay):
-            chain.advance(2.0 * u, part)
+            plant.advance(2.0 * u, part)
         now += length
         since += length
         lost = k > 4 and not sampled
         bad = k % 50 == 30  # one that is refused
-        y = 1e20 if bad else chain.y
+        y = 1e20 if bad else plant.y
         applied = commands[k]
         if lost:
             controller.tick(elapsed=length, applied=applied)
@@ -130,7 +137,7 @@ def run_open(
             controller.tick(y, since, elapsed=length, applied=applied)
             since = 0.0
         if not lost and not bad:
-            errors.append(abs(controller.output_estimate - chain.y))
+            errors.append(abs(controller.output_estimate - plant.y))
             disturbances.append(abs(controller.total_disturbance))
     assert controller.counts[Status.RESTARTED] == 0
     return errors, disturbances
@@ -184,7 +191,7 @@ def loop(input_delay: float, delay: int, changed: Sequence[tuple[int, float]] = 
         ),
         checked=True,
     )
-    chain, late, found = Chain(2), [0.0] * delay, []
+    plant, late, found = Chain(2), [0.0] * delay, []
     changes = dict(changed)
     for k in range(1000):
         if k in changes:
@@ -197,9 +204,9 @@ def loop(input_delay: float, delay: int, changed: Sequence[tuple[int, float]] = 
                     **WIDE,
                 )
             )
-        late.append(controller.tick(chain.y, 0.01, reference=[1.0]))
-        chain.advance(late.pop(0) + (5.0 if k > 500 else 0.0), 0.01)
-        found.append(chain.y)
+        late.append(controller.tick(plant.y, 0.01, reference=[1.0]))
+        plant.advance(late.pop(0) + (5.0 if k > 500 else 0.0), 0.01)
+        found.append(plant.y)
     return found
 
 
@@ -209,3 +216,51 @@ def test_p12_a_loop_that_is_told_its_delay_on_the_way_is_as_good_as_one_that_kne
     told = loop(0.03, 5, [(50, 0.0), (60, 0.05)])
     assert told[520:] == pytest.approx(knew[520:], abs=1e-3)
     assert max(map(abs, loop(0.0, 5))) > 1e3  # unstable without
+
+
+LATE = """
+plant: {{name: chain, order: 2, gain: 2, input_delay: {delay}}}
+reference: {{signal: cosine, frequency: 2}}
+disturbance: {{signal: sine, frequency: 3}}
+rate: 100
+duration: 3
+controllers:
+  it: {{inner_bandwidth: 20, outer_bandwidth: 20, input_delay: {known}, safe_command: 0.7}}
+"""
+FAILING = """
+noise: {variance: 1e-6}
+faults: {command: [{kind: gain, size: 0.5, start: 0.7, duration: 0.6}]}
+"""
+
+
+@pytest.mark.parametrize('delay', (0.004, 0.05, 0.0637))
+def test_a_simulated_plant_with_dead_time_is_exact_and_its_disturbance_what_disturbs(
+    delay: float,
+) -> None:
+    scenario = loads(LATE.format(delay=delay, known=delay))
+    found = scenario.run('it')
+    sampled = zero_order_hold(chain(2, 2.0), 0.01, delay)
+    free = attrs.evolve(scenario, disturbance=SignalSpec()).run('it')
+    x = np.zeros(len(sampled.a))
+    x[2:] = 0.7  # what acts before the first command
+    for k in range(300):
+        assert free.output[k] == pytest.approx(float(sampled.c[0] @ x), abs=1e-12)
+        x = sampled.a @ x + sampled.b[:, 0] * free.command[k]
+    assert found.total_disturbance == pytest.approx(np.sin(3.0 * found.time), abs=1e-9)
+    knows = np.abs(found.disturbance_estimate - found.total_disturbance)[100:].mean()
+    without = loads(LATE.format(delay=delay, known=0.0)).run('it')
+    does_not = np.abs(without.disturbance_estimate - without.total_disturbance)[100:].mean()
+    assert knows < does_not
+
+
+@pytest.mark.parametrize('delay', (0.004, 0.05, 0.0637))
+def test_p18_a_plant_with_dead_time_gives_the_same_bits_compiled(delay: float) -> None:
+    """Also where an actuator failed, of which the commands on their way still tell."""
+    text = LATE.format(delay=delay, known=delay) + FAILING
+    experiment = loads(text).experiment
+    assert kernel_for(experiment) is not None
+    settings = attrs.evolve(loads(text).controllers['it'], b0=1.7)
+    plain, fast = (simulate(experiment, settings, compiled=way) for way in (False, True))
+    for field in attrs.fields(type(plain)):
+        one, other = getattr(plain, field.name), getattr(fast, field.name)
+        assert np.array_equal(one, other) if isinstance(one, np.ndarray) else one == other

@@ -168,6 +168,9 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
         ('[1, 0]', '[1, .inf]', r'plant\.initial_state = '),
         ('[1, 0]', '[1, true]', r'plant\.initial_state = '),
         ('[1, 0]', '1', r'plant\.initial_state = 1: must be a list'),
+        ('[1, 0]', '[1, 0], input_delay: -1', r'plant\.input_delay = -1: must be a finite'),
+        ('[1, 0]', '[1, 0], input_delay: x', r'plant\.input_delay = '),
+        ('[1, 0]', '[1, 0], input_delay: 1e6', r'plant\.input_delay = .* at most \d+ s, a mill'),
         ('signal: cosine', 'signal: cos', r"reference\.signal = 'cos': must be one of none, con"),
         ('signal: cosine', 'signal: 3', r'reference\.signal = 3: must be the name of a signal'),
         (

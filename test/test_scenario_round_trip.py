@@ -82,6 +82,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             rate=draw(st.floats(10, 1000)),
             duration=draw(st.floats(2, 100)),
             error=draw(st.sampled_from(['reference', 'tracking'])),
+            input_delay=draw(st.just(0.0) | st.floats(0.0, 100.0)),
         )
     except SettingError:
         assume(False)

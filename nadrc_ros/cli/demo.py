@@ -166,7 +166,7 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
     """Read a run with the truth for b0 of the controller, if need be that of the scenario."""
     import attrs
     from nadrc_ros.records.read_run import read_run
-    from nadrc_ros.records.recorded_run import referred
+    from nadrc_ros.records.recorded_run import reached, referred
 
     run = read_run(folder)
     if run.referred:
@@ -174,7 +174,10 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
     # A short run in lockstep tells no parameters, and b0 of a user's plant is in no record.
     gains = run.gains[1] or [(0.0, scenario.controllers[name].b0)]
     plant = [(0.0, scenario.plant.make().b0)]
-    truth = referred(run.time, run.command, run.column('total_disturbance'), plant, gains)
+    acted = reached(
+        run.time, run.command, scenario.input_delay, scenario.controllers[name].safe_command
+    )
+    truth = referred(run.time, acted, run.column('total_disturbance'), plant, gains)
     return attrs.evolve(run, columns=run.columns | {'total_disturbance': truth})
 
 

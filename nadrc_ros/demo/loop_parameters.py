@@ -38,6 +38,7 @@ def node_parameters(
         'plant': scenario.plant.file or scenario.plant.name,
         'plant_class': scenario.plant.class_name,
         'initial_state': list(scenario.initial_state),
+        'input_delay': scenario.input_delay,
         'safe_command': settings.safe_command,
         'command_timeout': command_timeout(scenario.rate),
         'noise_variance': scenario.noise.variance,

@@ -68,6 +68,9 @@ class PlantSettings:
         'whether x(0) is held until the first command',
         live=False,
     )
+    input_delay: float = number(
+        0.0, 0.0, LONGEST, 's', 'dead time: from a command until it acts', live=False
+    )
     command_timeout: float = number(
         0.25,
         0.0,
@@ -133,6 +136,8 @@ class PlantNode(LiveNode):
             faults.value,
             added.value,
             self.declare(Sensor),
+            settings.input_delay,
+            settings.safe_command,
         )
         self._started = settings.start == 'at_once'
         self._command = settings.safe_command
@@ -266,8 +271,9 @@ class PlantNode(LiveNode):
         finite = True
         for i in range(periods):
             acting = self.process.faults.act(self.process.k, command)
+            reached, acting = self.process.reach(command, acting)
             if i == 0:
-                self._truth.send(self.process.total_disturbance(command, acting))
+                self._truth.send(self.process.total_disturbance(reached, acting))
             finite = self.process.advance(acting)
         self._note_divergence(finite)
 

@@ -94,6 +94,15 @@ class History:
         """
         return self._steps(_PLANT_HAS, _plant_b0)
 
+    def plant_delay(self) -> tuple[float, float]:
+        """Return the dead time of the simulated plant [s], and the command that acted first."""
+        for values in self.parameters.values():
+            if values.keys() >= _PLANT_HAS:
+                return float(values.get('input_delay', 0.0)), float(
+                    values.get('safe_command', 0.0)
+                )
+        return 0.0, 0.0
+
     def _steps(self, marks: set[str], make: Callable[[Mapping[str, Any]], T | None]) -> Steps[T]:
         """Return what is made of the parameters of the node that has the marks, from each time."""
         node = next((n for n, values in self.parameters.items() if marks <= values.keys()), None)

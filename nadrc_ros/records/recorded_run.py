@@ -154,7 +154,14 @@ class RecordedRun:
     def total_disturbance(self) -> Array:
         """Return the truth, y^(n) - b0 u, for b0 of the controller, or of the plant if unknown."""
         truth = self.column('total_disturbance')
-        return referred(self.time, self.command, truth, *self.gains) if self.referred else truth
+        if not self.referred:
+            return truth
+        return referred(self.time, self._acted, truth, *self.gains)
+
+    @property
+    def _acted(self) -> Array:
+        """Return the command that reached the plant at each row."""
+        return reached(self.time, self.command, *self.history.plant_delay())
 
     # ---- figures ----
 
@@ -240,11 +247,19 @@ def referred(
     """
     Return the total disturbance for the b0 of the controller, L = y^(n) - b0 u.
 
-    ``truth`` is the same for the b0 of the plant; ``plant`` and ``controller`` hold both gains
-    with the times [s] from which they held.
+    ``command`` is u as it reached the plant, ``truth`` the same for the b0 of the plant; ``plant``
+    and ``controller`` hold both gains with the times [s] from which they held.
     """
     gain = sampled(plant, time) - sampled(controller, time)
     return np.asarray(np.asarray(truth) + gain * np.asarray(command))
+
+
+def reached(time: Array, command: Array, delay: float, before: float) -> Array:
+    """Return the command that was there ``delay`` [s] before each time, ``before`` the first."""
+    if delay == 0.0:
+        return command
+    sent = np.searchsorted(time, time - delay * (1.0 - 1e-9), 'right') - 1
+    return np.where(sent < 0, before, command[sent])
 
 
 def sampled(steps: Sequence[tuple[float, float]], time: npt.ArrayLike) -> Array:

@@ -15,7 +15,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
 from nadrc_ros.scenario.user_code import ScenarioError
-from nadrc_ros.simulation.experiment import Retune
+from nadrc_ros.simulation.experiment import Conditions, Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.protocols import Plant
@@ -36,6 +36,7 @@ _NEEDED = {
 _FAULTS = {'measurement': MeasurementFault, 'command': CommandFault}
 _RANDOM_NOISE = ('variance', 'sample_time', 'derivative_variances')
 _SOURCES = tuple(key for key in SignalSpec.keys if key != 'class')
+_INPUT_DELAY = declared(Conditions)['input_delay']
 _LIMITS = ('command_min', 'command_max', 'command_rate_limit')
 # At least so many periods, where a controller does not say otherwise.
 _FEWEST_PERIODS = {'measurement_timeout': 5.0, 'max_dt': 10.0}
@@ -65,12 +66,16 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
             raise ScenarioError(f'the key {key} is missing, for instance `{example}`')
     plant_values = _long_form(given['plant'], 'name', 'plant')
     initial_state = plant_values.pop('initial_state', ())
+    input_delay = plant_values.pop('input_delay', 0.0)
+    if not _INPUT_DELAY.accepts(input_delay):
+        raise SettingError('plant.input_delay', input_delay, _INPUT_DELAY.allowed())
     plant = _spec(PlantSpec, plant_values, 'plant', base_dir)
     noise, noise_signal = _noise(given.get('noise', {}), given.get('seed', 0), base_dir)
     limits = _limits(given.get('limits', {})) | _times_of_periods(given.get('rate'))
     return Scenario(
         plant=plant,
         initial_state=initial_state,
+        input_delay=input_delay,
         reference=_spec(SignalSpec, given['reference'], 'reference', base_dir),
         disturbance=_spec(SignalSpec, given.get('disturbance', 'none'), 'disturbance', base_dir),
         noise=noise,
@@ -111,7 +116,11 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
     """Return plain data from which :func:`from_mapping` makes an equal scenario."""
     noise, added = scenario.noise, scenario.noise_signal
     data = {
-        'plant': {**scenario.plant.as_given(), 'initial_state': scenario.initial_state},
+        'plant': {
+            **scenario.plant.as_given(),
+            'initial_state': scenario.initial_state,
+            **({'input_delay': scenario.input_delay} if scenario.input_delay else {}),
+        },
         'reference': scenario.reference.as_given(),
         'disturbance': scenario.disturbance.as_given(),
         'noise': {

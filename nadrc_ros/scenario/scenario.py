@@ -20,6 +20,8 @@ from nadrc_ros.simulation.simulate import Result, simulate
 
 _ROS_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SETTINGS = declared(ControllerSettings)
+# Conditions that a file names beside the values of the plant.
+_OF_THE_PLANT = ('initial_state', 'input_delay')
 
 
 @attrs.frozen(kw_only=True)
@@ -70,7 +72,7 @@ class Scenario(Conditions):
                 **same,
             )
         except SettingError as error:
-            raise error.inside('plant') if error.name == 'initial_state' else error from None
+            raise error.inside('plant') if error.name in _OF_THE_PLANT else error from None
         _check_controllers(plant, self.controllers, self.rate)
         retunes = _checked_retunes(self.retunes, self.controllers, self.last)
         object.__setattr__(self, 'initial_state', experiment.initial_state)

@@ -21,7 +21,7 @@ from math import isfinite, isnan, nan
 from types import FunctionType
 from typing import Any
 
-from nadrc_ros.adrc import internal_model, law, observer, transfer
+from nadrc_ros.adrc import delay_line, internal_model, law, observer, transfer
 from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.reference import estimated, follow
@@ -37,6 +37,7 @@ from nadrc_ros.adrc.state import (
 )
 from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.adrc.tick import tick
+from nadrc_ros.simulation.dead_time import reach
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import FIRST_LEVEL, ROW_WIDTH
 from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
@@ -57,7 +58,7 @@ _LAW = tuple(
     )
 )
 _SIMULATION = (
-    *(integrate, sample_time, total_disturbance, shown),
+    *(integrate, sample_time, reach, total_disturbance, shown),
     *(accumulate, accumulate_remainders),
 )
 # So many combinations of classes are kept ready; a further one is read from disk again.
@@ -67,7 +68,7 @@ _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
 # All others are inlined, which makes the loop six times as fast; these would double the time to
 # compile for nothing.
 _NOT_INLINED = (
-    *(law._refuse, law._restart, start, rest),
+    *(law._refuse, law._restart, start, rest, delay_line.pass_through),
     *(transfer.restart_profile, observer.place, follow),
     internal_model.update_known,
 )
@@ -115,11 +116,16 @@ def compiled_loop(
     for function in (*methods, *_SIMULATION):
         _register(function)
 
+    @register_jitable(forceinline=False)
+    def advance(*arguments: Any) -> None:
+        integrate(*arguments)
+
     def loop(
         things: Any,
         law: Any,
         buffers: Any,
         constants: Any,
+        dead_time: Any,
         begin: Any,
         sums: Any,
         rows: Any,
@@ -127,8 +133,12 @@ def compiled_loop(
     ) -> Any:
         plant, reference_signal, disturbance = unowned(things)
         design, state, spare = unowned(law)
-        noise, r, reference, memory, memory_before, x, x_next, w, work = unowned(buffers)
+        noise, r, reference, memory, memory_before, x, x_next, x_middle, w, work, sent = unowned(
+            buffers
+        )
         rate, own_rate, substeps, b0, known, estimates, tracking, wrap_min, wrap_max = constants
+        whole, rest = dead_time
+        late = sent.shape[1] > 0
         k, stop, noise_start, command, policy = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
@@ -187,13 +197,30 @@ def compiled_loop(
                     design, state, policy, sample, inner_reference, True, True, spare
                 )
             disturbances(disturbance, t, w)
-            truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
-            truth += (b0 - spare.gain[0]) * u
-            if design.known:
-                truth += damping(design, x, below)
-            integrate(
-                derivative, plant, disturbances, disturbance, t, x, u, h, substeps, work, w, x_next
-            )
+            if late:
+                reached, acting, later = reach(sent, whole, rest, k, u, u)
+                truth = total_disturbance(derivative, plant, b0, t, x, acting, w[0], work[0])
+                if acting != reached:
+                    truth += b0 * (acting - reached)
+                truth += (b0 - spare.gain[0]) * reached
+                if design.known:
+                    truth += damping(design, x, below)
+                since, span, source = t, h, x
+                if rest > 0.0:
+                    parts = t, x, acting, rest, substeps, work, w, x_middle
+                    advance(derivative, plant, disturbances, disturbance, *parts)
+                    since, span, source = t + rest, h - rest, x_middle
+                    disturbances(disturbance, since, w)
+                    derivative(plant, since, source, later, w[0], work[0])
+                parts = since, source, later, span, substeps, work, w, x_next
+                advance(derivative, plant, disturbances, disturbance, *parts)
+            else:
+                truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
+                truth += (b0 - spare.gain[0]) * u
+                if design.known:
+                    truth += damping(design, x, below)
+                parts = t, x, u, h, substeps, work, w, x_next
+                integrate(derivative, plant, disturbances, disturbance, *parts)
             if not lost:  # a plant that was lost before stays so
                 fine = isfinite(truth)
                 for i in range(len(x)):

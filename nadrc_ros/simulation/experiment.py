@@ -9,6 +9,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, number
 from nadrc_ros.adrc.settings import FASTEST_RATE, LONGEST, SLOWEST_RATE
+from nadrc_ros.simulation.dead_time import DeadTime
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plant_run import PlantRun
@@ -57,6 +58,9 @@ class Conditions:
     retunes: tuple[Retune, ...] = ()
     rate: float = number(200.0, SLOWEST_RATE, FASTEST_RATE, 'Hz', 'periods per second')
     duration: float = number(15.0, 1.0 / FASTEST_RATE, LONGEST, 's', 'length of the run')
+    input_delay: float = number(
+        0.0, 0.0, LONGEST, 's', 'dead time of the plant: from a command until it acts'
+    )
     error: str = choice(
         'reference', ('reference', 'tracking'), 'error of the metrics: r - y, or r1 - y'
     )
@@ -120,14 +124,15 @@ class Experiment(Conditions):
 
     def __attrs_post_init__(self) -> None:
         super().__attrs_post_init__()
+        DeadTime(self.input_delay, self.rate, 0.0)  # refuses one that is too long for the rate
         given, states = self.initial_state, self.plant.states
         listed = isinstance(given, (list, tuple)) and len(given) in (0, states)
         if not listed or not all(map(_finite, given)):
             raise SettingError('initial_state', given, f'a list of {states} finite numbers')
         object.__setattr__(self, 'initial_state', tuple(map(float, given or [0.0] * states)))
 
-    def plant_run(self) -> PlantRun:
-        """Return the plant at its initial state."""
+    def plant_run(self, before: float = 0.0) -> PlantRun:
+        """Return the plant at its initial state, with the command that acts ``before`` any."""
         return PlantRun(
             self.plant,
             self.disturbance,
@@ -137,6 +142,8 @@ class Experiment(Conditions):
             self.faults,
             self.noise_signal,
             self.sensor,
+            self.input_delay,
+            before,
         )
 
 

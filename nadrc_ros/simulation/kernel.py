@@ -60,7 +60,9 @@ class Kernel:
         outer_states = [tuple_of(state) for state in (facing.state, blank_state(facing.design))]
         reference, inner_reference = np.array(facing.reference), np.array(running.reference)
         r, w = np.zeros(REFERENCE_DERIVATIVES + 1), np.zeros(1)
-        xs = np.array([plant_run.state, plant_run.state], dtype=np.float64)
+        xs = np.array([plant_run.state] * 3, dtype=np.float64)
+        dead_time = plant_run.dead_time
+        sent = np.array(dead_time.sent)
         known, estimates = 1 + facing.settings.received_derivatives, 0
         if experiment.reference_alone:
             if facing.settings.reference_derivatives == 'auto':
@@ -80,13 +82,14 @@ class Kernel:
                 (tuple_of(running.design), *states),
                 (
                     *(loop.noise, r, reference, memory, before),
-                    *(*xs, w, np.array(make_work(xs.shape[1]))),
+                    *(*xs, w, np.array(make_work(xs.shape[1])), sent),
                 ),
                 (
                     *(experiment.rate, experiment.reference_rate, plant_run.substeps),
                     *(float(plant_run.plant.b0), known, estimates, tracking),
                     *wrap,
                 ),
+                (dead_time.whole, dead_time.rest),
                 (plant_run.k, stop, loop.noise_start, running.command, running.policy),
                 (acc, remainders, counts[0]),
                 rows,
@@ -98,6 +101,7 @@ class Kernel:
             plant_run.k = k
             plant_run.state = xs[last].tolist()
             facing.intake.memory[:] = memory.tolist()
+            dead_time.sent = sent.tolist()
             loop.metrics.sums, loop.remainders = acc.tolist(), remainders.tolist()
             if around:
                 state, (said, asked, decided) = outer_states[last], outcome

@@ -61,9 +61,9 @@ class Loop:
 
     def __init__(self, experiment: Experiment, settings: ControllerSettings) -> None:
         self.experiment = experiment
-        self.plant_run = experiment.plant_run()
         self.cascade = Cascade(settings, checked=not experiment.faults.blind)
         self.controller = self.cascade.loops[-1]
+        self.plant_run = experiment.plant_run(self.controller.settings.safe_command)
         orders = [each.plant_order for each in loops_of(settings)]
         self.derivatives = [sum(orders[: i + 1]) for i in range(len(orders) - 1)]
         self.metrics = Metrics(experiment.settled)
@@ -139,7 +139,9 @@ class Loop:
         followed = r[0] if experiment.error == 'reference' else outer.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max
-        truth = plant_run.total_disturbance(u, acting) + (plant_run.plant.b0 - controller.b0) * u
+        reached, acting = plant_run.reach(u, acting)
+        truth = plant_run.total_disturbance(reached, acting)
+        truth += (plant_run.plant.b0 - controller.b0) * reached
         if controller.design.known:  # the first states of a plant are y, y', ...
             truth += damping(controller.design, plant_run.state, (0, *self.derivatives)[-1])
         error = short(followed - y, outer.design.measurement_period)

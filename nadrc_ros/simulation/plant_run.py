@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
+from nadrc_ros.simulation.dead_time import DeadTime, reach
 from nadrc_ros.simulation.faults import Faults, Injector
 from nadrc_ros.simulation.integrate import Integrator, ran_away, substeps_for
 from nadrc_ros.simulation.noise import Noise, NoiseSource
@@ -34,6 +35,10 @@ class PlantRun:
         What is added to its measurements beside the noise.
     sensor
         What it shows of output and noise.
+    input_delay
+        How long a command takes to the plant [s].
+    before
+        The command that acts before the first one.
 
     """
 
@@ -47,6 +52,8 @@ class PlantRun:
         faults: Faults,
         noise_signal: Signal,
         sensor: Sensor,
+        input_delay: float = 0.0,
+        before: float = 0.0,
     ) -> None:
         self.rate = rate
         self.k = 0
@@ -56,6 +63,9 @@ class PlantRun:
         self._noise, self._derivative_noise = noise, dict[int, NoiseSource]()
         self.noise_signal = noise_signal
         self.sensor = sensor
+        self.dead_time = DeadTime(input_delay, rate, before)
+        self._later = before
+        self._middle = list(initial_state)
         self._next = list(initial_state)
         self._slope = list(initial_state)
         self._w = [0.0]
@@ -100,9 +110,23 @@ class PlantRun:
             self._derivative_noise[derivative] = source
         return self._derivative_noise[derivative].block(k, count)
 
+    def reach(self, command: float, acting: float) -> tuple[float, float]:
+        """
+        Send the ``command`` of period k; return the one that reaches the plant then.
+
+        The same of what the actuator makes of it, ``acting``. To be called once in each period;
+        without a dead time it changes nothing.
+        """
+        late = self.dead_time
+        if late.sent[0]:
+            command, acting, self._later = reach(
+                late.sent, late.whole, late.rest, self.k, command, acting
+            )
+        return command, acting
+
     def total_disturbance(self, command: float, acting: float) -> float:
         """
-        Return L(t_k) = y^(n) - b0 u for the plant's nominal b0 and the ``command`` u from t_k on.
+        Return L(t_k) = y^(n) - b0 u for the plant's nominal b0 and the ``command`` u that acts.
 
         ``acting`` is what the actuator makes of it. A plant that ran away may have none: nan.
         """
@@ -126,10 +150,16 @@ class PlantRun:
         return unexplained if acting == command else unexplained + b0 * (acting - command)
 
     def advance(self, acting: float) -> bool:
-        """Act so over one period; False if the plant diverged (it is then all nan)."""
-        finite = self._integrator.advance(
-            self.k / self.rate, self.state, acting, 1.0 / self.rate, self._next
-        )
+        """
+        Act so over one period; False if the plant diverged (it is then all nan).
+
+        Where the dead time is no whole number of periods, so until the next command is there.
+        """
+        t, h, rest, state = self.k / self.rate, 1.0 / self.rate, self.dead_time.rest, self.state
+        if rest > 0.0:
+            self._integrator.advance(t, state, acting, rest, self._middle)
+            t, h, acting, state = t + rest, h - rest, self._later, self._middle
+        finite = self._integrator.advance(t, state, acting, h, self._next)
         self.state, self._next = self._next, self.state
         self.k += 1
         return finite

@@ -17,7 +17,7 @@ from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.records.history import Event, read_history
-from nadrc_ros.records.recorded_run import referred
+from nadrc_ros.records.recorded_run import reached, referred
 from nadrc_ros.records.recording import read_samples
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.lockstep import Lockstep
@@ -231,8 +231,10 @@ class RunningLoop:
         disturbances = np.column_stack([columns.pop(level) for level in levels])
         for stamp in [name for name in columns if name.endswith('_stamp')]:
             del columns[stamp]
+        late, time = self.plant.process.dead_time, columns['time']
+        acted = reached(time, columns['command'], late.delay, late.before)
         columns['total_disturbance'] = referred(
-            columns['time'], columns['command'], columns['total_disturbance'], *self._gains
+            time, acted, columns['total_disturbance'], *self._gains
         )
         return Result(
             **columns,

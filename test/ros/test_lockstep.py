@@ -138,6 +138,19 @@ def test_p18_with_signals_and_a_plant_of_the_users(tmp_path: Path) -> None:
     assert_same_bits(scenario, 'nested', runs['nested'])
 
 
+def test_p18_with_a_plant_that_answers_late() -> None:
+    """By a fraction of a period too, and with another b0, to which the truth is referred."""
+    scenario = loads(
+        SCENARIO.replace('a3: 0.2', 'input_delay: 0.0237').replace('duration: 10', 'duration: 2')
+        + '  late: {input_delay: 0.0237, inner_bandwidth: 15, outer_bandwidth: 15, b0: 1.5}'
+    )
+    with scenario_loop(scenario, 'late', lockstep=True) as loop:
+        result = loop.finish()
+    offline = scenario.run('late')
+    for column in COLUMNS:
+        assert same(getattr(result, column), getattr(offline, column)), column
+
+
 def test_p18_also_when_the_plant_diverges(tmp_path: Path) -> None:
     scenario = loads(DIVERGING)
     runs = run_lockstep(scenario, tmp_path, lambda name: None)
