@@ -52,7 +52,11 @@ def node_parameters(
     plant |= _fault_parameters(scenario)
     nodes: dict[str, Parameters] = {
         'plant': plant,
-        'reference': REFERENCE.of(scenario.reference),
+        'reference': {
+            **REFERENCE.of(scenario.reference),
+            'alone': scenario.reference_alone,
+            'sample_rate': scenario.reference_rate,
+        },
         'controller': {
             **controller_parameters(settings, scenario.rate),
             'enabled_at_start': lockstep,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from math import nan
+from math import isnan, nan
 import sys
 import time
 from typing import Any
@@ -222,7 +222,7 @@ class ControllerNode(LiveNode):
     def _take_reference(self) -> Reference | None:
         """Return a reference that came since the last step, None for derivatives that did not."""
         if self.controller.outer is not None:
-            return (self.controller.outer.command,)
+            return self.controller.outer.command, 0.0, 0.0  # what feeds back has no feed-forward
         if self._reference[0] is None:
             return None
         taken, self._reference = self._reference, [None] * len(self._reference)
@@ -230,7 +230,10 @@ class ControllerNode(LiveNode):
 
     def on_samples(self, values: list[float]) -> None:
         """Do one tick of lockstep."""
-        self._take_sample(values[0], self.pacing.period, self.pacing.period, values[1:])
+        measurement, reference, *derivatives = values
+        known = [None if isnan(value) else value for value in derivatives]
+        period = self.pacing.period
+        self._take_sample(measurement, period, period, [reference, *known])
 
     def _take_sample(
         self,

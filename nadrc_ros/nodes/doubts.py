@@ -84,10 +84,11 @@ class Doubts:
         say('wrong sign', self._wrong_sign(settings) if in_control else '')
         came = any(each.count for each in references[1:])
         replaced = settings.error_based or settings.tracking_acceleration > 0.0
+        replaced = replaced or settings.reference_derivatives == 'auto'
         late = in_control and held != before and bool(derivatives) and not came and not replaced
         text = (
             f'the reference moves and nothing comes on {", ".join(derivatives)}: it is followed '
-            'late, unless you publish that or set error_based, which overshoots on steps'
+            'late, unless you publish that or start with reference_derivatives: auto'
         )
         say('no derivatives', text if late else '', OK, looks=_LOOKS)
 

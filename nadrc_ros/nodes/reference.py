@@ -1,11 +1,13 @@
-"""The reference node: a signal generator that also sends the derivatives."""
+"""The reference node: a signal generator that also sends the derivatives, unless told not to."""
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.fields import choice, declared
+from nadrc_ros.adrc.fields import choice, declared, flag, number
+from nadrc_ros.adrc.settings import FASTEST_RATE
 from nadrc_ros.ros.diagnostics import OK, Report
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer, Ticker
@@ -22,12 +24,23 @@ _EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequ
 
 @attrs.frozen(kw_only=True)
 class ReferenceSettings:
-    """From when on the signal is sent."""
+    """When the signal is sent, and how much of it."""
 
     start: str = choice(
         'on_command',
         ('on_command', 'at_once'),
         'whether r(0) is held until the first command',
+        live=False,
+    )
+    alone: bool = flag(
+        False, 'whether the derivatives are kept back, as by most publishers', live=False
+    )
+    sample_rate: float = number(
+        0.0,
+        0.0,
+        FASTEST_RATE,
+        'Hz',
+        'how often a new value is sent; the last one is repeated between; 0 = each period',
         live=False,
     )
 
@@ -43,8 +56,12 @@ class ReferenceNode(LiveNode):
             self, REFERENCE.asked(self) | declared(ReferenceSettings), _make_signal
         )
         self._started = self.get_parameter('start').value == 'at_once'
+        self._alone: bool = self.get_parameter('alone').value
+        self._sample_rate: float = self.get_parameter('sample_rate').value
         self.k = 0
-        self._senders = [self.add_output(topic) for topic in REFERENCE_TOPICS]
+        # In lockstep every reader waits for a sample on each of its topics, be it none.
+        topics = REFERENCE_TOPICS[: 1 if self._alone and self.lockstep is None else None]
+        self._senders = [self.add_output(topic) for topic in topics]
         if self.lockstep is not None:
             self.lockstep.add_input('measurement')
         else:
@@ -68,7 +85,10 @@ class ReferenceNode(LiveNode):
 
     def send_sample(self) -> None:
         """Send r_k and its derivatives."""
-        samples = sample_reference(self._signal.value, self.k, self.pacing.rate)
+        rate = self.pacing.rate
+        samples = sample_reference(self._signal.value, self.k, rate, self._sample_rate)
+        if self._alone:
+            samples[1:] = [nan] * (len(self._senders) - 1)
         # The derivatives first: a controller takes those that came with or before the reference.
         for sender, value in zip(reversed(self._senders), reversed(samples)):
             sender.send(value)
@@ -81,8 +101,8 @@ class ReferenceNode(LiveNode):
 
 
 def _make_signal(values: dict[str, Any]) -> Signal:
-    values.pop('start')
-    return REFERENCE.make(values)
+    own = declared(ReferenceSettings)
+    return REFERENCE.make({name: value for name, value in values.items() if name not in own})
 
 
 def main() -> int:

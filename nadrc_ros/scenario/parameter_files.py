@@ -35,8 +35,11 @@ def about_reference(settings: ControllerSettings) -> str:
     if replaced or not settings.received_derivatives:
         return ''
     topics = ('reference/rate', 'reference/acceleration')[: settings.received_derivatives]
+    if settings.reference_derivatives == 'auto':
+        without = 'they are estimated from its samples: nearly as well where these are precise'
+    else:
+        without = 'it is followed late, but not with reference_derivatives: auto'
     return (
         f'a moving reference is followed as predicted if {" and ".join(topics)} come too; where '
-        'nobody knows them, error_based: true follows nearly as well, with larger commands and '
-        'some overshoot on steps'
+        f'they do not, {without}'
     )

@@ -128,7 +128,7 @@ def test_p18_both_loops_act_in_one_tick_and_their_traces_replay_to_the_bit(
         assert recorded == again, name
     asked, taken = (list(ticks(traces[name])) for name in ('position', 'velocity'))
     assert len(asked) == len(taken) > 100
-    assert all(each['r'] == [before['u']] for before, each in zip(asked, taken))
+    assert all(each['r'] == [before['u'], 0.0, 0.0] for before, each in zip(asked, taken))
     assert any(each['followed'] for each in asked) and not all(e['followed'] for e in asked)
 
 

@@ -147,7 +147,7 @@ def test_in_a_slow_loop_five_periods_pass_before_something_is_missing() -> None:
 
 
 def test_in_a_slow_loop_too_a_moving_reference_is_seen(capfd: pytest.CaptureFixture[str]) -> None:
-    slow = Loop(max_dt=300.0, measurement_timeout=300.0)
+    slow = Loop(max_dt=300.0, measurement_timeout=300.0, reference_derivatives='topics')
     slow.doubts = Doubts(slow.controller, 1.0 / 30.0, GIVEN, slow.remarks)
     for second in range(300):
         if second % 30 == 0:
@@ -198,13 +198,18 @@ def test_a_sensor_too_slow_for_the_timeouts_is_told_with_what_would_do(
 
 
 def test_a_moving_reference_without_derivatives_is_news(capfd: pytest.CaptureFixture[str]) -> None:
-    for error_based, count in ((False, 0), (True, 0), (False, 1)):
-        loop = Loop(error_based=error_based)
+    for source, error_based, count in (
+        ('topics', False, 0),
+        ('topics', True, 0),
+        ('topics', False, 1),
+        ('auto', False, 0),
+    ):
+        loop = Loop(error_based=error_based, reference_derivatives=source)
         loop.references[1].count = count
         assert loop.run(8, lambda t: t) == ''
         told = 'nothing comes on /reference/rate: it is followed late' in capfd.readouterr().err
-        assert told == (not error_based and not count)
-    Loop().run(8, lambda t: float(t > 3))
+        assert told == (source == 'topics' and not error_based and not count)
+    Loop(reference_derivatives='topics').run(8, lambda t: float(t > 3))
     assert 'followed late' not in capfd.readouterr().err
 
 
