@@ -7,6 +7,7 @@ from math import factorial
 import random
 from typing import Any
 
+import attrs
 from hypothesis import settings
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design, make_design
@@ -44,26 +45,13 @@ def bits(values: Sequence[float]) -> list[str]:
 
 def state_bits(state: State) -> list[list[str]]:
     rows = state.profile, state.offset, state.startup, state.gain, state.resting, state.angle[1:]
-    return [bits(row) for row in (*state.levels, *rows, state.ripple)]
+    return [bits(row) for row in (*state.levels, *rows, state.ripple, state.feed_forward)]
 
 
 def copy_of(state: State) -> State:
     copy: list[Any] = [
-        [list(level) for level in state.levels],
-        list(state.profile),
-        list(state.offset),
-        list(state.smoothed),
-        list(state.startup),
-        list(state.gain),
-        list(state.resting),
-        list(state.since_sample),
-        list(state.delay_line),
-        list(state.angle),
-        [list(row) for row in state.scratch],
-        list(state.ripple),
-        [list(row) for row in state.transition],
-        [list(row) for row in state.foresight],
-        [list(row) for row in state.work],
+        [list(row) if isinstance(row, list) else row for row in getattr(state, field.name)]
+        for field in attrs.fields(State)
     ]
     return State(*copy)
 

@@ -33,7 +33,11 @@ def compiled() -> Any:
 
 @pytest.mark.parametrize('case', CASES)
 def test_p18_compiled_and_plain_give_the_same_bits(case: str, compiled: Any) -> None:
-    """Over jittered ticks with bad samples, lost references, gaps and an enable switch at work."""
+    """
+    Over jittered ticks with bad samples, lost references, gaps and an enable switch at work.
+
+    And now and then with reports of what acts, and feed-forward.
+    """
     design = design_of(**CASES[case], reference_timeout=0.05, max_dt=0.1)
     runs = [run(design, law.tick, plain=True), run(design, compiled, plain=False)]
     assert runs[0] == runs[1]
@@ -49,7 +53,8 @@ def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], l
     if not plain:
         design, state, out = map(tuple_of, (design, state, out))
         reference = np.zeros(n + 1)
-    policy, u, y, rng = PolicyState(), 0.0, 0.0, random.Random(1)
+    policy, u, y = PolicyState(), 0.0, 0.0
+    rng, others = random.Random(1), random.Random(2)
     commands: list[str] = []
     modes: list[int] = []
     states: list[str] = []
@@ -63,6 +68,11 @@ def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], l
         enabled = k % 700 > 100
         y += 0.01 * rng.gauss(0.0, 1.0)
         sample = Sample(y if measured else NAN, h, h, h * rng.random(), u)
+        if k % 900 > 450:  # somebody says what acts, and what is known of the load
+            acting, fed = 0.7 * u + others.random(), others.gauss(0.0, 0.1)
+            sample = sample._replace(
+                applied=acting, applied_age=h * others.random(), sent=u, feed_forward=fed
+            )
         u, _, policy = tick(design, state, policy, sample, reference, referenced, enabled, out)
         assert isinstance(policy, PolicyState) and isinstance(policy.stall, Stall)
         state, out = out, state

@@ -9,7 +9,7 @@ from typing import Any
 
 from law_helpers import design_of, Observer
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.sample import Sample
+from nadrc_ros.adrc.sample import regular
 from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.supervisor import PolicyState
 from nadrc_ros.adrc.tick import tick
@@ -122,7 +122,7 @@ def compiled() -> Any:
         commands = np.zeros(len(noise))
         for k in range(len(noise)):
             y = x[0] + noise[k]
-            sample = Sample(y, h, h, 0.0, u)
+            sample = regular(y, h, u, 0.0)
             u, _, policy = tick(design, state, policy, sample, reference, True, True, out)
             state, out = out, state
             x = a @ x + b * u

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from math import inf, nan
 
 from nadrc_ros.adrc.angle import counted
+from nadrc_ros.adrc.command_intake import CommandIntake
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.intake import ReferenceIntake
-from nadrc_ros.adrc.limiter import clamp
+from nadrc_ros.adrc.limiter import acting_downstream, clamp
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
@@ -85,6 +86,7 @@ class Controller:
         self.intake = ReferenceIntake(settings, self.counts)
         self.reference = self.intake.values
         self.refused_measurement: float | None = None
+        self.commands = CommandIntake(settings)
         self._next = blank_state(self.design)
         self._pending: tuple[ControllerSettings, Design] | None = None
         self._restarted = False
@@ -98,8 +100,10 @@ class Controller:
         age: float = 0.0,
         reference: Sequence[float | None] | None = None,
         applied: float | None = None,
+        applied_age: float = 0.0,
         followed: bool = True,
         gain_variable: float = nan,
+        feed_forward: float | None = None,
     ) -> float:
         """
         Advance by one tick and return the command to send.
@@ -120,24 +124,36 @@ class Controller:
             0; with ``reference_derivatives = auto`` it is estimated from the samples of r, as is
             one that does not come any more.
         applied
-            The command that really acted since the last tick; unknown, the one returned then.
+            The command that really acted since the last tick [command unit], None when nobody said
+            so. It counts for ``applied_timeout`` from when it did, in this tick at least; then the
+            command returned last is taken for it.
+        applied_age
+            How long ago that was [s]: what acts by now is as much newer.
         followed
             Whether it acts at all; False holds the command where ``applied`` is. With an ``inner``
             controller both are known.
         gain_variable
             What ``b0_table`` is over if ``b0_source`` is ``topic``; nan for the last one.
+        feed_forward
+            What is added to the command [command unit], None when no new one came. It counts for
+            ``feed_forward_timeout``, in this tick at least; then it is ramped out at
+            ``command_rate_limit``, at once without one.
 
         """
         if elapsed is None:
             elapsed = dt
         if not elapsed > 0.0:
             elapsed = 0.0
+        sent = self.command
         if self.inner is not None:
-            applied, followed = self.inner.realised(self.command)
-        if applied is None or not LOWEST <= applied <= HIGHEST:
-            applied = self.command
+            applied, followed = self.inner.realised(sent)
+        applied, applied_age = self.commands.applied(applied, applied_age, elapsed, sent)
         if gain_variable == gain_variable:
             self.take_gain_variable(gain_variable)
+        fed = self.state.feed_forward[0]
+        if feed_forward is not None or fed != 0.0:
+            rate_limit = self.design.command_rate_limit
+            fed = self.commands.feed_forward(feed_forward, fed, rate_limit, elapsed)
         referenced = self.intake.advance(self.design, reference, elapsed)
         gap = self.policy.gap
         sample = Sample(
@@ -148,6 +164,9 @@ class Controller:
             applied,
             followed,
             self.gain_variable,
+            applied_age,
+            sent,
+            fed,
         )
         self.sample = sample
         command, status, self.policy = tick(
@@ -172,10 +191,11 @@ class Controller:
         # New settings never share a tick with the old: they take over the state that the old ones
         # just reached, so that both can be asked for the command of the same sample.
         if self._pending is not None:
-            command = self._swap(*self._pending, command, applied, limited_over)
+            command = self._swap(*self._pending, command, limited_over)
         self.command = command
         if self.intake.drop_old(self.design.max_dt):
-            adopt_reference(self.design, self.reference, self.state, applied, elapsed)
+            downstream = self._downstream(sample)
+            adopt_reference(self.design, self.reference, self.state, sent, elapsed, downstream)
         return command
 
     def realised(self, unknown: float) -> tuple[float, bool]:
@@ -340,16 +360,31 @@ class Controller:
         """Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u: the sum of the levels."""
         return disturbance_estimate(self.design, self.state)
 
+    def _downstream(self, sample: Sample) -> float:
+        """Return from where the rate limit counted too in the tick of a sample, nan if nowhere."""
+        if not sample.applied_age >= 0.0:
+            return nan
+        return acting_downstream(self.design, sample.applied, sample.sent, sample.applied_age)
+
     def _swap(
         self,
         settings: ControllerSettings,
         design: Design,
         command: float,
-        applied: float,
         dt: float,
     ) -> float:
         """Take over new settings on the state just reached, and return the command under them."""
-        self.state = retune(self.design, design, self.state, self.reference, applied, dt)
+        sample = self.sample
+        self.state = retune(
+            self.design,
+            design,
+            self.state,
+            self.reference,
+            sample.applied,
+            dt,
+            sample.sent,
+            self._downstream(sample),
+        )
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None
         return clamp(design, command)

@@ -43,23 +43,24 @@ def mind_deadband(
     if not design.tracking_acceleration > 0.0:
         for i in range(1, len(reference)):
             still = still and reference[i] == 0.0
-    held = state.resting[1]
+    held = state.resting[1] + out.feed_forward[0]
     if state.resting[0] > 0.0:
         same = still and reference[0] == state.resting[2]
         if same and abs(error) <= design.error_deadband and clamp(design, held) == held:
-            _hold(held, reference[0], out)
+            _hold(state.resting[1], reference[0], out)
             return
         out.resting[0] = 0.0
         copy_vector(state.smoothed, out.smoothed)
         match_command(design, out, clamp(design, held))
         return
     out.resting[0] = 0.0
-    away = abs(state.gain[0] * (applied - state.smoothed[0]))
+    driving = applied - state.feed_forward[0]
+    away = abs(state.gain[0] * (driving - state.smoothed[0]))
     for _ in range(design.order - 1):
         away /= design.controller_bandwidth
     away = abs(error) + (abs(_speed(design, acting, out)) + away) / design.controller_bandwidth
     if still and away < _ENTRY * design.error_deadband:
-        _hold(clamp(design, applied), reference[0], out)
+        _hold(clamp(design, applied) - state.feed_forward[0], reference[0], out)
 
 
 def _hold(command: float, reference: float, out: State) -> None:
@@ -70,7 +71,8 @@ def _hold(command: float, reference: float, out: State) -> None:
 def _speed(design: Design, acting: float, state: State) -> float:
     """Return y' - r1' as estimated."""
     if design.order == 1:  # there is no state of that name: y' + a_0 y = b0 u + L
-        speed = state.gain[0] * acting + disturbance_estimate(design, state)
+        received = state.gain[0] * (acting + state.feed_forward[0])
+        speed = received + disturbance_estimate(design, state)
         if design.known:
             speed -= design.damping[0] * output_estimate(design, state)
         return speed - state.profile[1]

@@ -40,6 +40,9 @@ def step(
     dt: float,
     out: State,
     gain_variable: float = nan,
+    sent: float = nan,
+    downstream: float = nan,
+    feed_forward: float = 0.0,
 ) -> tuple[float, int]:
     """
     Advance the controller by one sample; return the command and a :class:`Status`.
@@ -61,14 +64,21 @@ def step(
         Time since the previous sample [s].
     gain_variable
         What ``b0_table`` is over if ``b0_source`` is ``topic``; nan for the last one.
+    sent, downstream
+        From where the rate limit counts, see :func:`~nadrc_ros.adrc.limiter.limit`; by default
+        from ``applied``.
+    feed_forward
+        What is added to the command from now on [command unit]: -1 / b0 times what is known of the
+        total disturbance. The observers get the applied command without the one of before, and
+        estimate the rest.
 
     Returns
     -------
     tuple
-        b0 u = v - sum_k d_k (eq. (17) of the paper and v' = v - zh_{n+1}, which it never writes),
-        limited in rate and then in magnitude. After ``dt > max_dt``, or should the estimates
-        overflow, the observers restart without a bump. On bad input the applied command, brought
-        inside the limits.
+        b0 u = v - sum_k d_k (eq. (17) of the paper and v' = v - zh_{n+1}, which it never writes)
+        + b0 times the feed-forward, limited in rate and then in magnitude. After ``dt > max_dt``,
+        or should the estimates overflow, the observers restart without a bump. On bad input the
+        applied command, brought inside the limits.
 
     """
     # All before anything is written. Comparisons with nan are false: each is written so that
@@ -79,19 +89,31 @@ def step(
         return _refuse(design, state, applied, out, BAD_TIME_STEP)
     if not LOWEST <= applied <= HIGHEST:
         applied = design.safe_command
+    if sent != sent:
+        sent = applied
     if not LOWEST <= reference[0] <= HIGHEST:
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     if design.error_based and not _usable(reference):  # no sum below would show it
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     known = state.since_sample[1]
-    acting = applied
+    acting = applied - state.feed_forward[0]
     if design.input_delay > 0.0:
         line = state.delay_line
-        acting = pass_through(design.input_delay, line, applied, dt - known, out.delay_line)
+        acting = pass_through(design.input_delay, line, acting, dt - known, out.delay_line)
     if design.measurement_period > 0.0:
         copy_vector(state.angle, out.angle)
     if dt > design.max_dt:
-        return _restart(design, state, reference, measurement, applied, acting, out, gain_variable)
+        return _restart(
+            design,
+            state,
+            reference,
+            measurement,
+            applied,
+            acting,
+            out,
+            gain_variable,
+            feed_forward,
+        )
     profile = out.profile
     if design.tracking_acceleration > 0.0:
         copy_vector(state.profile, profile)
@@ -116,6 +138,7 @@ def step(
         if known < dt:  # the last command acted for the rest
             acted += (acting - acted) * (1.0 - known / dt)
     out.since_sample[1] = 0.0
+    out.feed_forward[0] = feed_forward
     received = state.gain[0] * acted
     if design.known:
         update_known(design, state, observed, received, dt, speed, out)
@@ -131,14 +154,24 @@ def step(
         mind_deadband(design, state, reference, applied, acting, out)
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
-        return _restart(design, state, reference, measurement, applied, acting, out, gain_variable)
+        return _restart(
+            design,
+            state,
+            reference,
+            measurement,
+            applied,
+            acting,
+            out,
+            gain_variable,
+            feed_forward,
+        )
     share = 1.0
     if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
         share /= 1.0 + share  # implicit Euler: below 1 however long dt is
     before, smoothed = state.smoothed, out.smoothed
     once, twice = before[0], before[1]
-    once += (raw - offset[0] - offset[1] - once) * share
+    once += (raw - offset[0] - offset[1] - feed_forward - once) * share
     smoothed[0] = once
     smoothed[1] = twice + (once - twice) * share
     if lasting != 0.0:
@@ -148,7 +181,7 @@ def step(
         if excess * lasting > 0.0:
             removed = min(abs(excess), abs(offset[0]))
             offset[0] -= copysign(removed, lasting)
-    return limit(design, raw, applied, dt)
+    return limit(design, raw, sent, dt, downstream)
 
 
 def rise(startup: float, dt: float, startup_time: float) -> float:
@@ -175,6 +208,7 @@ def _restart(
     acting: float,
     out: State,
     gain_variable: float,
+    feed_forward: float,
 ) -> tuple[float, int]:
     profile = state.profile  # of a reference that is approached: it goes on from where it is
     if design.tracking_acceleration <= 0.0:
@@ -186,9 +220,10 @@ def _restart(
     copy_vector(state.gain, out.gain)
     if design.gain_source > 0:
         begin_gain(design, measurement, profile[0], gain_variable, out)
+    out.feed_forward[0] = feed_forward
     rest(design, measurement, acting, profile[0], out)
     copy_vector(profile, out.profile)
-    out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
+    out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - feed_forward
     out.startup[0] = state.startup[0]
     match_command(design, out, applied)
     return clamp(design, applied), RESTARTED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.status import OK, RATE_LIMITED, SATURATED
@@ -19,24 +19,46 @@ def clamp(design: Design, command: float) -> float:
     return command
 
 
-def limit(design: Design, raw: float, applied: float, dt: float) -> tuple[float, int]:
+def limit(
+    design: Design, raw: float, sent: float, dt: float, downstream: float = nan
+) -> tuple[float, int]:
     """
     Return the command nearest to ``raw`` that the limits allow, and which of them acts.
 
-    Its change since ``applied`` is at most the rate limit times ``dt`` [s]; then the magnitude is
-    limited, so that a range which was narrowed is entered at once.
+    Its change since the last one, ``sent``, is at most the rate limit times ``dt`` [s]; then the
+    magnitude is limited, so that a range which was narrowed is entered at once. Where another
+    command acts ``downstream``, see :func:`acting_downstream`, the change may as well count from
+    there or from anywhere between the two: a command that went on behind another limit comes back
+    from that limit at once.
     """
     status = OK
     if design.command_rate_limit > 0.0:
         change = design.command_rate_limit * dt
-        if raw > applied + change:
-            raw = applied + change
+        highest = (downstream if downstream > sent else sent) + change
+        lowest = (downstream if downstream < sent else sent) - change
+        if raw > highest:
+            raw = highest
             status = RATE_LIMITED
-        elif raw < applied - change:
-            raw = applied - change
+        elif raw < lowest:
+            raw = lowest
             status = RATE_LIMITED
     if raw > design.command_max:
         return design.command_max, SATURATED
     if raw < design.command_min:
         return design.command_min, SATURATED
     return raw, status
+
+
+def acting_downstream(design: Design, applied: float, sent: float, time: float) -> float:
+    """
+    Return the command nearest to ``sent`` that may be acting by now, ``applied`` a ``time`` ago.
+
+    A report of what acts is of a command that is older than our last one. Where it is no further
+    from that than the rate limit allows in this ``time`` [s], nothing but us is known to act.
+    """
+    change = design.command_rate_limit * time
+    if sent > applied + change:
+        return applied + change
+    if sent < applied - change:
+        return applied - change
+    return sent

@@ -29,8 +29,11 @@ class Sample(NamedTuple):
     ``measurement`` is y, nan when none came; ``span`` is then 0, and may be anything where clocks
     are at fault: the law refuses what is not positive. ``elapsed`` and ``age`` are not negative.
     ``applied``, a finite number, is the command that really acted since the last tick, and
-    ``followed`` whether it acts at all: not while the inner loop that takes it is not in control.
-    ``gain_variable`` is what ``b0_table`` is over if that has a topic, nan for the last one.
+    ``applied_age`` how long ago it was by a report; nan without one, when it is our own. ``sent``
+    is our own last command in any case, nan if that is ``applied``. ``followed`` is whether it
+    acts at all: not while the inner loop that takes it is not in control. ``gain_variable`` is
+    what ``b0_table`` is over if that has a topic, nan for the last one. ``feed_forward``, a finite
+    number, is what is added to the command until the next tick.
     """
 
     measurement: float
@@ -40,3 +43,15 @@ class Sample(NamedTuple):
     applied: float
     followed: bool = True
     gain_variable: float = nan
+    applied_age: float = nan
+    sent: float = nan
+    feed_forward: float = 0.0
+
+
+def regular(measurement: float, period: float, applied: float, feed_forward: float) -> Sample:
+    """
+    Return the sample of a period like all others, under our own command.
+
+    Compiled, a sample needs all its numbers: numba takes no defaults of a named tuple.
+    """
+    return Sample(measurement, period, period, 0.0, applied, True, nan, nan, nan, feed_forward)

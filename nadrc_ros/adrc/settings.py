@@ -42,8 +42,8 @@ def _bandwidth(default: float, description: str) -> Any:
     return number(default, SLOWEST, FASTEST, 'rad/s', description)
 
 
-def _seconds(default: float, description: str) -> Any:
-    return number(default, 0.0, LONGEST, 's', description)
+def _seconds(default: float, description: str, **more: bool) -> Any:
+    return number(default, 0.0, LONGEST, 's', description, **more)
 
 
 @attrs.frozen(kw_only=True)
@@ -250,6 +250,12 @@ class ControllerSettings:
     reference_timeout: float = _seconds(
         0.0, 'silence of valid references that starts the fault action; 0 = off'
     )
+    applied_timeout: float = _seconds(
+        0.0, 'how long a report counts of the command that really acts; 0 = off', live=False
+    )
+    feed_forward_timeout: float = _seconds(
+        0.0, 'how long a feed-forward counts; then it is ramped out; 0 = off', live=False
+    )
     hold_time: float = _seconds(0.1, 'time the fault action holds before it ramps to safe_command')
     max_dt: float = number(
         0.5,
@@ -333,10 +339,14 @@ class ControllerSettings:
         ------
         SettingError
             For a ``measurement_timeout`` or ``max_dt`` below two periods; names both if need be.
+            Also for such an ``applied_timeout`` or ``feed_forward_timeout``.
 
         """
         shortest = 2.0 / rate
         allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'
+        for name in ('applied_timeout', 'feed_forward_timeout'):
+            if 0.0 < getattr(self, name) < shortest:
+                raise SettingError(name, getattr(self, name), f'0 (off) or {allowed}')
         if 0.0 < self.measurement_timeout < shortest:
             if self.max_dt < shortest:
                 allowed += f', and so must be max_dt = {self.max_dt!r}'

@@ -36,8 +36,9 @@ class State:
     ``delay_line`` is what is on its way to a plant with dead time, empty without one: see
     :mod:`~nadrc_ros.adrc.delay_line`. ``angle`` (3,) is of an angle: the last reference received,
     nan before it, the equivalent of it that is followed, and the turns that were taken off all of
-    these. ``scratch`` (K + 2, N) remembers the observer gains of the last time step: it changes
-    the speed of a step, and nothing else.
+    these. ``feed_forward`` (1,) is that of the command that was decided last; what is held, the
+    mean and what is on its way are without it. ``scratch`` (K + 2, N) remembers the observer
+    gains of the last time step: it changes the speed of a step, and nothing else.
 
     With known dynamics (:mod:`~nadrc_ros.adrc.internal_model`) ``ripple`` (n+1,) is what a known
     vibration makes of y, ..., y^(n-1) at the samples under the command that cancels it, and by how
@@ -54,6 +55,7 @@ class State:
     since_sample: Vector
     delay_line: Vector
     angle: Vector
+    feed_forward: Vector
     scratch: Matrix
     ripple: Vector
     transition: Matrix
@@ -74,6 +76,7 @@ def blank_state(design: Design) -> State:
         [0.0, 0.0],
         blank_line(design.input_delay),
         [nan, 0.0, 0.0],
+        [0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
         [0.0] * (design.order + 1),
         *_known_matrices(design),
@@ -104,7 +107,8 @@ def start(
     """
     origin = measurement if design.tracking_acceleration > 0.0 else reference
     out.gain[0], out.gain[1], out.gain[2] = design.b0, 0.0, 0.0
-    rest(design, measurement, acting(out.delay_line, applied), origin, out)
+    driving = applied - out.feed_forward[0]
+    rest(design, measurement, acting(out.delay_line, driving), origin, out)
     out.startup[0] = 0.0
     out.angle[2] = 0.0
 
@@ -113,7 +117,8 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     """
     Write estimates and profile at rest: y measured, y' = 0, and the d_1 that keeps it.
 
-    That is a_0 y - b0 u, with a_0 the product of the known poles times -1.
+    That is a_0 y - b0 u, with a_0 the product of the known poles times -1, and u what is
+    ``applied`` without the feed-forward, which ``out`` knows.
     """
     for k in range(design.levels):
         for i in range(design.states):
@@ -129,7 +134,7 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     out.resting[0] = 0.0
     out.offset[0] = out.offset[1] = 0.0
     out.since_sample[1] = 0.0
-    out.smoothed[0] = out.smoothed[1] = raw_command(design, out)
+    out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - out.feed_forward[0]
 
 
 def copy_vector(source: Vector, out: Vector) -> None:
@@ -155,6 +160,7 @@ def copy_state(state: State, out: State) -> None:
         copy_line(state.delay_line, out.delay_line)
     copy_vector(state.angle, out.angle)
     copy_vector(state.ripple, out.ripple)
+    out.feed_forward[0] = state.feed_forward[0]
 
 
 def average_command(state: State, applied: float, elapsed: float) -> None:
@@ -185,9 +191,13 @@ def damping(design: Design, x: Vector, first: int = 0) -> float:
 
 
 def raw_command(design: Design, state: State) -> float:
-    """Return u = (v + sum_i a_i y^(i) - sum_k d_k) / b0 + offset, not limited; at rest as held."""
+    """
+    Return u = (v + sum_i a_i y^(i) - sum_k d_k) / b0 + offset + feed-forward, not limited.
+
+    At rest it is what is held, + feed-forward.
+    """
     if design.error_deadband > 0.0 and state.resting[0] > 0.0:
-        return state.resting[1]
+        return state.resting[1] + state.feed_forward[0]
     levels = state.levels
     order = design.order
     reference = design.no_reference if design.error_based else state.profile
@@ -202,7 +212,7 @@ def raw_command(design: Design, state: State) -> float:
         k -= 1
         v -= levels[k][order]
     offset = state.offset
-    return v / state.gain[0] + offset[0] + offset[1]
+    return v / state.gain[0] + offset[0] + offset[1] + state.feed_forward[0]
 
 
 def match_command(design: Design, state: State, command: float) -> None:
@@ -216,7 +226,7 @@ def match_command(design: Design, state: State, command: float) -> None:
     """
     raw = raw_command(design, state)
     if clamp(design, raw) != command:
-        law = raw - state.offset[0] - state.offset[1]
+        law = raw - state.offset[0] - state.offset[1] - state.feed_forward[0]
         usual = 2.0 * state.smoothed[0] - state.smoothed[1]  # which does not lag a ramp
         state.offset[1] = usual - law
         state.offset[0] += command - raw_command(design, state)
@@ -229,10 +239,15 @@ def output_estimate(design: Design, state: State) -> float:
 
 
 def disturbance_estimate(design: Design, state: State) -> float:
-    """Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u, the sum of the levels."""
+    """
+    Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u.
+
+    The sum of the levels, and what the feed-forward is there to cancel: -b0 times it.
+    """
     total = 0.0
     for k in range(design.levels):
         total += state.levels[k][design.order]
+    total -= state.gain[0] * state.feed_forward[0]
     return total + reference_share(design, state.profile) if design.error_based else total
 
 

@@ -148,7 +148,8 @@ def supervise(
     if mode == HOLDING and fault_age > design.hold_time:
         mode = RAMPING
     # One tick later than it is reached, so that the safe command was sent.
-    there = before.mode == RAMPING and sample.applied == design.safe_command
+    sent = sample.sent if sample.sent == sample.sent else sample.applied
+    there = before.mode == RAMPING and sent == design.safe_command
     if mode == RAMPING and (there or not sample.followed):
         mode = SAFE
     if cause <= NOT_FOLLOWED and proven:

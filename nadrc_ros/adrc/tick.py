@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf, isfinite, nan
 
 from nadrc_ros.adrc.angle import counted, receive, recentre, unwrapped, whole
 from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.law import step
-from nadrc_ros.adrc.limiter import clamp, limit
+from nadrc_ros.adrc.limiter import acting_downstream, clamp, limit
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import average_command, match_command, raw_command, start, State
 from nadrc_ros.adrc.status import HOLDING, MODE_OK, NO_MEASUREMENT, REFERENCE_TIMEOUT, SATURATED
@@ -38,15 +38,21 @@ def tick(
     1. The first measurement that is possible starts the state, which is written to, at rest.
     2. The law takes the sample, or refuses it and leaves the state as it was. It does so in a
        fault and while disabled too: the observers see what acts, so that to take over is no bump.
-    3. Without a sample the command still goes to where the last one sent it, at the rate limit.
+    3. Without a sample the command still goes to where the last one sent it, at the rate limit,
+       and with the feed-forward.
     4. The policy decides whether the law may act, from what the law made of the sample.
     5. Derivatives of a reference that is older than ``max_dt``, or lost, count as 0 from now on.
     6. The command is the law's in OK, but ``applied`` on entering it, and the law goes on from
-       there; ``applied`` while holding, unless only the reference is missing: then the law keeps
-       the plant at the last one; else it is on its way to ``safe_command``, and there at once
-       where nothing follows it.
+       there; what was ``applied`` then while holding, unless only the reference is missing: then
+       the law keeps the plant at the last one; else it is on its way to ``safe_command``, and
+       there at once where nothing follows it.
     """
     measurement, applied, elapsed = sample.measurement, sample.applied, sample.elapsed
+    sent, downstream, feed_forward = sample.sent, nan, sample.feed_forward
+    if sent != sent:
+        sent = applied
+    elif sample.applied_age >= 0.0:
+        downstream = acting_downstream(design, applied, sent, sample.applied_age)
     span = policy.gap + sample.span
     period = design.measurement_period
     if period > 0.0 and referenced:
@@ -56,21 +62,32 @@ def tick(
         if policy.reference_age == inf and not referenced:
             _hold(reference, measurement)
         reference[0] -= whole(reference[0] - measurement, period)
+        state.feed_forward[0] = feed_forward
         start(design, measurement, applied, reference[0], state)
     command, status = step(
-        design, state, reference, measurement, applied, span, out, sample.gain_variable
+        design,
+        state,
+        reference,
+        measurement,
+        applied,
+        span,
+        out,
+        sample.gain_variable,
+        sent,
+        downstream,
+        feed_forward,
     )
     used = status < NO_MEASUREMENT
     if not used:
-        acting = applied
+        acting = applied - state.feed_forward[0]
         if design.input_delay > 0.0:
             line = out.delay_line
-            acting = pass_through(design.input_delay, line, applied, elapsed, line)
+            acting = pass_through(design.input_delay, line, acting, elapsed, line)
         average_command(out, acting, elapsed)
-        command = _without_sample(design, out, applied, elapsed)
+        command = _without_sample(design, out, feed_forward, sent, elapsed, downstream)
     elif elapsed < span and status <= SATURATED:
         # The law counted the rate over the span, of which earlier ticks have had their share.
-        command, limiting = limit(design, command, applied, elapsed)
+        command, limiting = limit(design, command, sent, elapsed, downstream)
         status = max(status, limiting)
     limited = status == SATURATED and command != design.safe_command
     seen, aim = measurement, out.profile[0]
@@ -83,7 +100,7 @@ def tick(
     lost = after.cause == REFERENCE_TIMEOUT
     if (lost or design.max_dt < after.reference_age < inf) and _moves(reference):
         _hold(reference, reference[0])
-        adopt_reference(design, reference, out, applied, elapsed)
+        adopt_reference(design, reference, out, sent, elapsed, downstream)
     if mode == MODE_OK:
         if policy.mode != MODE_OK:
             _take_over(design, policy, after.reference_age, measurement, applied, reference, out)
@@ -92,22 +109,32 @@ def tick(
         out.resting[0] = 0.0
         command = design.safe_command
         if sample.followed:
-            command = limit(design, command, applied, elapsed)[0]
+            command = limit(design, command, sent, elapsed, downstream)[0]
     elif not lost:
         out.resting[0] = 0.0
-        command = clamp(design, applied)
+        held = policy.mode == HOLDING and policy.cause != REFERENCE_TIMEOUT and sample.followed
+        command = clamp(design, sent if held else applied)
     if period > 0.0:
         out.angle[1] = reference[0]
     return command, status, after
 
 
-def _without_sample(design: Design, state: State, applied: float, elapsed: float) -> float:
+def _without_sample(
+    design: Design,
+    state: State,
+    feed_forward: float,
+    sent: float,
+    elapsed: float,
+    downstream: float,
+) -> float:
     """Return the command of a tick without a sample: held, or still on its way to the last one."""
-    if design.command_rate_limit > 0.0 or state.resting[0] > 0.0:
+    fed = feed_forward != state.feed_forward[0]
+    state.feed_forward[0] = feed_forward
+    if design.command_rate_limit > 0.0 or state.resting[0] > 0.0 or fed:
         raw = raw_command(design, state)
         if isfinite(raw):
-            return limit(design, raw, applied, elapsed)[0]
-    return clamp(design, applied)
+            return limit(design, raw, sent, elapsed, downstream)[0]
+    return clamp(design, sent)
 
 
 def _take_over(

@@ -7,7 +7,7 @@ an offset that decays makes up for the difference.
 
 from __future__ import annotations
 
-from math import prod
+from math import nan, prod
 
 from nadrc_ros.adrc.delay_line import acting, pass_through
 from nadrc_ros.adrc.design import Design, Vector
@@ -30,6 +30,8 @@ def retune(
     reference: Vector,
     applied: float,
     dt: float,
+    sent: float = nan,
+    downstream: float = nan,
 ) -> State:
     """
     Return ``state`` of ``old`` as one of ``new`` that gives the same command.
@@ -40,10 +42,12 @@ def retune(
     difference becomes an offset. Much of it is the noise of one sample, which a slow loop would
     integrate for long: so it decays with the inner observer, and so does what is left of a
     takeover that would become slower.
-    ``reference``, ``applied`` and ``dt`` are those of the step that led to ``state``. Plant order
-    is fixed.
+    ``reference``, ``applied``, ``dt``, ``sent`` and ``downstream`` are those of the step that led
+    to ``state``. Plant order is fixed.
     """
     n = new.order
+    if sent != sent:
+        sent = applied
     after = blank_state(new)
     after.profile[:] = state.profile
     for k in range(new.levels):
@@ -72,7 +76,8 @@ def retune(
             after.ripple[:] = state.ripple
     if new.error_based:
         after.levels[0][n] -= reference_share(new, after.profile)
-    retune_gain(old, new, state, acting(state.delay_line, applied), after)
+    driving = applied - state.feed_forward[0]
+    retune_gain(old, new, state, acting(state.delay_line, driving), after)
     if new.error_deadband > 0.0:  # else it wakes
         after.resting[:] = state.resting
     after.offset[:] = state.offset
@@ -83,10 +88,11 @@ def retune(
     after.smoothed[:] = state.smoothed
     after.since_sample[:] = state.since_sample
     if old.input_delay > 0.0 and new.input_delay > 0.0:  # cut, if it is too long
-        pass_through(new.input_delay, state.delay_line, applied, 0.0, after.delay_line)
+        pass_through(new.input_delay, state.delay_line, driving, 0.0, after.delay_line)
     after.angle[:] = state.angle
-    command = limit(old, raw_command(old, state), applied, dt)[0]
-    _make_up(new, after, command, applied, dt, 1)
+    after.feed_forward[:] = state.feed_forward
+    command = limit(old, raw_command(old, state), sent, dt, downstream)[0]
+    _make_up(new, after, command, sent, dt, downstream, 1)
     # The next step will take the reference itself for the profile. That is no noise of one
     # sample, so the bump goes into the offset that lasts.
     if old.tracking_acceleration > 0.0 >= new.tracking_acceleration:
@@ -141,19 +147,25 @@ def turn_profile(design: Design, away: float, state: State) -> None:
 
 
 def adopt_reference(
-    design: Design, reference: Vector, state: State, applied: float, dt: float
+    design: Design, reference: Vector, state: State, sent: float, dt: float, downstream: float
 ) -> None:
     """Let the profile be the reference as it is by now, without a bump."""
     if not design.tracking_acceleration > 0.0 and not design.error_based:  # else it was not used
-        command = limit(design, raw_command(design, state), applied, dt)[0]
+        command = limit(design, raw_command(design, state), sent, dt, downstream)[0]
         copy_vector(reference, state.profile)
-        _make_up(design, state, command, applied, dt, 0)
+        _make_up(design, state, command, sent, dt, downstream, 0)
 
 
 def _make_up(
-    design: Design, state: State, command: float, applied: float, dt: float, part: int
+    design: Design,
+    state: State,
+    command: float,
+    sent: float,
+    dt: float,
+    downstream: float,
+    part: int,
 ) -> None:
     """Add to a part of the offset what the command, limited as it is, misses."""
     raw = raw_command(design, state)
-    if limit(design, raw, applied, dt)[0] != command:
+    if limit(design, raw, sent, dt, downstream)[0] != command:
         state.offset[part] += command - raw

@@ -19,11 +19,12 @@ class TraceWriter:
     Writes JSON lines: ``{"settings": ...}`` first and at every change, then one record per tick.
 
     The first says also whether the sensor counted as ``checked``. A record has the arguments of
-    :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command,
-    ``followed``, ``x`` for ``gain_variable``), ``enabled``, and what came out: ``u`` and
-    ``status``. Between two ticks ``{"disabled": true}`` and ``{"reset": true}`` say what was asked
-    for. Numbers are written so that they read back to the bit; nan and infinities as JavaScript
-    writes them.
+    :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command
+    that counted, with the ``applied_age`` of a report, ``followed``, ``x`` for ``gain_variable``,
+    and the ``feed_forward`` that counted), ``enabled``, and what came out: ``u`` and ``status``.
+    Between two ticks ``{"disabled": true}`` and ``{"reset": true}`` say what was asked for.
+    Numbers are written so that they read back to the bit; nan and infinities as JavaScript writes
+    them.
 
     When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
     """
@@ -47,17 +48,19 @@ class TraceWriter:
 
     def tick(self, controller: Controller, reference: Sequence[float | None] | None) -> None:
         """Record the tick that ``controller`` just did with that reference."""
-        measurement, span, elapsed, age, applied, followed, gain_variable = controller.sample
+        sample = controller.sample
         self._write(
             {
-                'y': measurement,
-                'dt': span,
-                'elapsed': elapsed,
-                'age': age,
+                'y': sample.measurement,
+                'dt': sample.span,
+                'elapsed': sample.elapsed,
+                'age': sample.age,
                 'r': reference,
-                'applied': applied,
-                'followed': followed,
-                'x': gain_variable,
+                'applied': sample.applied,
+                'followed': sample.followed,
+                'x': sample.gain_variable,
+                'applied_age': sample.applied_age,
+                'feed_forward': sample.feed_forward,
                 'enabled': controller.enabled,
                 'u': controller.command,
                 'status': int(controller.status),
@@ -128,5 +131,7 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
                 applied=record['applied'],
                 followed=record.get('followed', True),
                 gain_variable=record.get('x', nan),
+                applied_age=record.get('applied_age', nan),
+                feed_forward=record.get('feed_forward', 0.0),
             )
             yield record['u'], controller.command

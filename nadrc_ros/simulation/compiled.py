@@ -25,7 +25,7 @@ from nadrc_ros.adrc import delay_line, internal_model, law, observer, transfer
 from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.reference import estimated, follow
-from nadrc_ros.adrc.sample import Sample
+from nadrc_ros.adrc.sample import regular, Sample
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import (
     copy_vector,
@@ -178,13 +178,14 @@ def compiled_loop(
             y = output(plant, x)
             measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
             if outer is None:
-                sample = Sample(measurement, h, h, 0.0, command, True, nan)
+                sample = regular(measurement, h, command, 0.0)
                 u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
             else:
                 acted = realised_reference(design, state, policy, command, asked)
                 if not LOWEST <= acted <= HIGHEST:
                     break
-                sample = Sample(measurement, h, h, 0.0, acted, policy.mode == MODE_OK, nan)
+                follows = policy.mode == MODE_OK
+                sample = Sample(measurement, h, h, 0.0, acted, follows, nan, 0.0, asked, 0.0)
                 asking, asked_now, asked_decided = tick(
                     facing, outer_state, around, sample, reference, True, True, outer_spare
                 )
@@ -192,7 +193,7 @@ def compiled_loop(
                     break
                 inner_reference[0] = asking
                 measured_rate = x[controlled] + rate_noise[k - noise_start]
-                sample = Sample(measured_rate, h, h, 0.0, command, True, nan)
+                sample = regular(measured_rate, h, command, 0.0)
                 u, now, decided = tick(
                     design, state, policy, sample, inner_reference, True, True, spare
                 )
