@@ -51,6 +51,9 @@ def cases(draw: Any) -> Case:
         outer_bandwidth=draw(st.floats(0.4, 1.0)) * w,
         controller_bandwidth=draw(st.floats(0.05, 0.3)) * w,
         error_based=draw(st.booleans()),
+        input_delay=draw(
+            st.just(0.0) | st.floats(1e-3, 12.0 * H) | st.integers(1, 9).map(H.__mul__)
+        ),
     )
     damping = draw(st.lists(st.floats(-1.0, 2.0), max_size=n))
     plant = chain(n, design.b0 * 10.0 ** draw(st.floats(-0.5, 0.5)), damping)

@@ -2,9 +2,11 @@
 The closed loop behind a dead time of any length, as frequency responses and what follows of them.
 
 The whole periods m of the dead time are a factor z^-m, and only what is left of it is a part of
-the sampled plant. So nothing here grows with m: with the states x of plant and law
+the sampled plant. A law with an ``input_delay`` of m' periods and a part p of one gets its own
+command late, by g = (1 - p + p/z) z^-m'; the two need not be equal. So nothing here grows with
+either: with the states x of plant and law, and the command u = F x + G (noise, load, r, ...),
 
-    z x = (A + z^-m A_late) x + (B + z^-m B_late) (noise, load, r, r', ..., r^(n)),
+    z x = A x + B (noise, load, r, ...) + (z^-m B_plant + g B_law) u + z^-m B_plant load,
 
 stability is a number of turns (Nyquist), a variance an integral over frequency (Parseval), a
 response in time an inverse transform. Inputs and outputs are those of :func:`loop.closed_loop`.
@@ -16,9 +18,10 @@ from collections.abc import Callable
 from math import ceil, inf, log2, pi
 from typing import NamedTuple
 
+import attrs
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.theory.loop import closed_loop
-from nadrc_ros.theory.model import controller
+from nadrc_ros.theory.model import open_controller, own_delay
 from nadrc_ros.theory.norms import frequency_grid
 from nadrc_ros.theory.system import (
     Array,
@@ -51,12 +54,19 @@ _MOST_SAMPLES, _SETTLED, _EXTENSIONS, _DAMPING = 8192, 1e-6, 20, 7.0
 
 
 class Loop(NamedTuple):
-    """The sampled ``plant`` and the ``law``; the command acts whole periods ``late``."""
+    """
+    The sampled ``plant`` and the ``law``; the command acts whole periods ``late``.
+
+    ``law`` has its own command as its first input, ``own`` periods and a ``part`` of one late;
+    ``closed`` is the loop with none of all these periods.
+    """
 
     plant: StateSpace
     law: StateSpace
     late: int
-    closed: StateSpace  # with none of these periods
+    own: int
+    part: float
+    closed: StateSpace
 
     @property
     def h(self) -> float:
@@ -68,22 +78,42 @@ class Loop(NamedTuple):
         """Whole periods of it [s]."""
         return self.late * self.h
 
+    @property
+    def delayed(self) -> bool:
+        """Tell whether anything is late by whole periods."""
+        return self.late > 0 or self.own > 0 or self.part > 0.0
+
+    @property
+    def alone(self) -> StateSpace:
+        """The law with its own command, as if that were not late."""
+        return self.law._replace(a=self.law.a + self.law.b[:, :1] @ self.law.c)
+
+    def told(self, s: Complex) -> Complex:
+        """Return g at s, z = exp(s h): what the law knows of its own command."""
+        part = 1.0 - self.part + self.part * np.exp(-s * self.h)
+        return np.asarray(part * np.exp(-self.own * self.h * s))
+
 
 def delayed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> Loop:
     """Return the loop with the continuous ``plant`` at period ``h``, ``delay`` [s] before it."""
     late = int(delay / h * (1.0 + 1e-12))
     sampled = zero_order_hold(plant, h, max(delay - late * h, 0.0))
-    return Loop(sampled, controller(design, h), late, closed_loop(design, sampled, h))
+    at_once = attrs.evolve(design, input_delay=0.0)
+    law, own = open_controller(design, h), own_delay(design, h)
+    return Loop(sampled, law, late, *own, closed_loop(at_once, sampled, h))
 
 
 def open_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
     """Return L as a function of omega [rad/s]: negative feedback, -1 is critical."""
     plant = frequency_response(loop.plant)
-    law = frequency_response(pick(loop.law, [0], [0]))
+    law = frequency_response(pick(loop.law, [0, 1], [0]))
 
     def at(omega: ArrayLike) -> Complex:
-        late = np.exp(-1j * loop.dead_time * np.asarray(omega))
-        return np.asarray(-plant(omega)[..., 0, 0] * late * law(omega)[..., 0, 0])
+        s = 1j * np.asarray(omega, dtype=float)
+        by_command, by_output = np.moveaxis(law(omega)[..., 0, :], -1, 0)
+        late = np.exp(-loop.dead_time * s)
+        alone = by_output / (1.0 - loop.told(s) * by_command)
+        return np.asarray(-plant(omega)[..., 0, 0] * late * alone)
 
     return at
 
@@ -103,38 +133,50 @@ def closed_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
 def _matrices(
     loop: Loop,
 ) -> tuple[Callable[[Complex], Complex], Callable[[Complex], Complex], Array]:
-    """Return z - A - z^-m A_late and B + z^-m B_late as functions of s, z = exp(s h), and c."""
-    closed, n = loop.closed, len(loop.plant.a)
-    scale = balance(closed.a)
-    rows = np.arange(len(closed.a)) < n
-    plant = np.zeros_like(closed.a)
-    plant[:n, :n] = loop.plant.a
-    # What the rows of the plant have beside its own states came with the command.
-    by_command = np.where(rows[:, None], closed.a - plant, 0.0)
-    a, a_late = (m * scale / scale[:, None] for m in (closed.a - by_command, by_command))
-    b = closed.b / scale[:, None]
-    identity = np.eye(len(a))
-    b_late, b_now = (np.where(mask[:, None], b, 0.0) for mask in (rows, ~rows))
+    """Return what multiplies x, and what drives it, as functions of s, z = exp(s h), and c."""
+    p, k = loop.plant, loop.law
+    n, m, inputs = len(p.a), len(k.a), k.b.shape[1]
+    by_y, by_r = k.b[:, 1:2], k.b[:, 2:]
+    a = np.block([[p.a, np.zeros((n, m))], [by_y @ p.c, k.a]])
+    b = np.block([[np.zeros((n, inputs))], [by_y, np.zeros((m, 1)), by_r]])
+    into_plant, into_law = np.zeros((2, n + m, 1))
+    into_plant[:n], into_law[n:] = p.b, k.b[:, :1]
+    row = np.hstack([k.d[:, 1:2] @ p.c, k.c])
+    through = np.hstack([k.d[:, 1:2], np.zeros((1, 1)), k.d[:, 2:]])
+    load = np.eye(1, inputs, 1)
+    scale = balance(a + (into_plant + into_law) @ row)
+    a = a * scale / scale[:, None]
+    b, into_plant, into_law = (each / scale[:, None] for each in (b, into_plant, into_law))
+    row = row * scale
+    identity = np.eye(n + m)
 
     def late(s: Complex) -> Complex:
-        return np.asarray(np.exp(-loop.dead_time * s)[..., None, None])
+        return np.asarray(np.exp(-loop.dead_time * s)[..., None, None] * into_plant)
+
+    def by_command(s: Complex) -> Complex:
+        return np.asarray(late(s) + loop.told(s)[..., None, None] * into_law)
 
     def matrix(s: Complex) -> Complex:
         shift = np.expm1(s * loop.h)[..., None, None]
-        return np.asarray(shift * identity - (a - identity) - late(s) * a_late)
+        return np.asarray(shift * identity - (a - identity) - by_command(s) @ row)
 
-    return matrix, lambda s: np.asarray(b_now + late(s) * b_late), closed.c * scale
+    return (
+        matrix,
+        lambda s: np.asarray(b + by_command(s) @ through + late(s) @ load),
+        loop.closed.c * scale,
+    )
 
 
 def is_stable_loop(loop: Loop) -> bool:
     """
     Tell whether all poles of the loop, those of the dead time included, are inside the circle.
 
-    Without whole periods by the poles. Else by the argument principle: det(z - A - z^-m A_late)
-    z^m is a polynomial of degree N + m, so all its zeros are inside if and only if its argument
-    grows by (N + m) pi over the half circle, of which z^m has m pi.
+    Without whole periods by the poles. Else by the argument principle. What is late enters by the
+    command alone, so that det(z - A - ...) is linear in z^-m and z^-m', and times z^q, q the
+    larger of m and m', or of m and m' + 1, a polynomial of degree N + q: all its zeros are inside
+    if and only if its argument grows by (N + q) pi over the half circle, of which z^q has q pi.
     """
-    if loop.late == 0:
+    if not loop.delayed:
         return is_stable(loop.closed)
     omega = loop_grid(loop, _COUNTING_POINTS)
     if len(omega) > _MOST_POINTS:
@@ -161,12 +203,15 @@ def is_stable_loop(loop: Loop) -> bool:
 
 def loop_grid(loop: Loop, points: int = 1500) -> Array:
     """Return frequencies [rad/s] around all poles up to pi / h, dense where z^-m turns L."""
-    omega = frequency_grid(loop.plant, loop.law, points=points)
-    if loop.late == 0:
+    omega = frequency_grid(loop.plant, loop.alone, points=points)
+    if not loop.delayed:
         return omega
-    matters = omega[np.abs(open_response(loop)(omega)) > _LOOP_GAIN_THAT_MATTERS]
-    turns = loop.dead_time * float(matters.max(initial=0.0)) / _TURN
-    even = np.linspace(0.0, turns, min(ceil(turns), _MOST_POINTS) + 1)[1:] * _TURN / loop.dead_time
+    longest = max(loop.late, loop.own + 1) * loop.h
+    own = frequency_response(pick(loop.law, [0], [0]))(omega)[:, 0, 0]
+    gain = np.maximum(np.abs(open_response(loop)(omega)), np.abs(own))
+    matters = omega[gain > _LOOP_GAIN_THAT_MATTERS]
+    turns = longest * float(matters.max(initial=0.0)) / _TURN
+    even = np.linspace(0.0, turns, min(ceil(turns), _MOST_POINTS) + 1)[1:] * _TURN / longest
     return np.unique(np.concatenate([omega, even[even < omega[-1]]]))
 
 
@@ -180,7 +225,7 @@ def command_variance(loop: Loop, variance: float = 1.0) -> float:
     if not is_stable_loop(loop):
         return inf
     at = closed_response(loop)
-    grid = frequency_grid(loop.plant, loop.law, points=2)
+    grid = frequency_grid(loop.plant, loop.alone, points=2)
     low, high = float(grid[0]), pi / loop.h
     nodes, weights = np.polynomial.legendre.leggauss(_PANEL_POINTS)
     count, integral, before = ceil(_PANELS * np.log10(high / low)), 0.0, inf

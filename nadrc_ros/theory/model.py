@@ -180,16 +180,58 @@ def controller(design: Design, h: float = 0.0) -> StateSpace:
     the others are the reference path, which in two-degree-of-freedom form is K times a prefilter
     F, u = K (F r - y); F is improper (degree n+1 over n for one level). K has an integrator for
     every level, so the command of the controller alone, without a plant around it, drifts under
-    noise.
+    noise. With an ``input_delay`` each period of it is a state (of a long one see ``delayed``).
     """
+    k = open_controller(design, h)
+    whole, part = own_delay(design, h)
+    size, waiting = len(k.a), whole + (part > 0.0)
+    # u[j] periods ago is u now for j = 0, else state j of those that wait.
+    acting = np.zeros((2, size + waiting + k.b.shape[1] - 1))
+    one = np.eye(size + waiting, len(acting[0]))
+    now = np.concatenate([k.c[0], np.zeros(waiting), k.d[0, 1:]])
+    for row, age in enumerate((whole, whole + 1)):
+        if age <= waiting:
+            acting[row] = one[size + age - 1] if age else now
+    mean = (1.0 - part) * acting[0] + part * acting[1]
+    into = np.zeros((size + waiting, len(now)))
+    into[:size] = np.hstack([k.a, np.zeros((size, waiting)), k.b[:, 1:]])
+    into[:size] += np.outer(k.b[:, 0], mean)
+    for age in range(1, waiting + 1):
+        into[size + age - 1] = now if age == 1 else one[size + age - 2]
+    n = size + waiting
+    return StateSpace(into[:, :n], into[:, n:], now[None, :n], now[None, n:], h)
+
+
+def open_controller(design: Design, h: float = 0.0) -> StateSpace:
+    """Return (applied command, y, r, r', ..., r^(n)) -> u: the law, with its own command cut."""
     a, b_u, b_y = observer_matrices(design, h)
     f, reference = law_matrices(design, h)
-    closed = a - np.outer(b_u, f)
-    into = closed @ b_y if h > 0.0 else b_y
-    through = -f @ b_y if h > 0.0 else 0.0
-    b = np.column_stack([into, np.outer(b_u, reference)])
-    d = np.concatenate([[through], reference])
+    into, through = (a @ b_y, -f @ b_y) if h > 0.0 else (b_y, 0.0)
+    b = np.column_stack([b_u, into, np.zeros((len(a), len(reference)))])
+    d = np.concatenate([[0.0, through], reference])
     if design.error_based:
-        b[:, 1] = -into
-        d[1] = -through
-    return StateSpace(closed, b, -f[None, :], d[None, :], h)
+        b[:, 2] = -into
+        d[2] = -through
+    return StateSpace(a, b, -f[None, :], d[None, :], h)
+
+
+def own_delay(design: Design, h: float) -> tuple[int, float]:
+    """
+    Return by how many whole periods, and what part of one, the law's own command is late in it.
+
+    Its observers get the mean (1 - part) u[k - whole] + part u[k - whole - 1].
+
+    Raises
+    ------
+    ValueError
+        For a dead time in continuous time, where it is no finite number of states.
+
+    """
+    if design.input_delay == 0.0:
+        return 0, 0.0
+    if h == 0.0:
+        raise ValueError('a law with a dead time needs a period')
+    periods = design.input_delay / h
+    whole = int(periods * (1.0 + 1e-12))
+    part = periods - whole
+    return whole, part if part > 1e-9 else 0.0
