@@ -169,7 +169,7 @@ def varied_settings() -> dict[str, dict[str, Any]]:
             'tracking_acceleration': 5.0,
         },
         'deadband': {'error_deadband': 2.0},
-        'known poles': {'plant_poles': (-20.0, 0.0)},
+        'known poles': {'plant_poles': (-3.0, 0.0)},
         'known lags': {
             'structure': 'cascade',
             'plant_poles': (-0.5, -3.0, 1.0),
@@ -189,7 +189,7 @@ def varied_settings() -> dict[str, dict[str, Any]]:
         },
         'vibration-generalized': {
             'disturbance_frequencies': (12.0,),
-            'plant_poles': (-400.0, -0.1),
+            'plant_poles': (-1.0, -0.1),
             'b0': -2.0,
             'structure': 'generalized',
             'tracking_acceleration': 2.0,

@@ -39,6 +39,7 @@ CASES = {
         for name, case in varied_settings().items()
     },
     'cascade-4': {'structure': 'cascade', 'levels': 4, 'feedback_level': 'outer'},
+    'fast pole': {'plant_poles': (-400.0, -20.0), 'disturbance_frequencies': (33.0, 9.0)},
     'nested-6': {'levels': 6, 'bandwidth_ratio': 0.9},
 }
 FREQUENCIES = np.geomspace(0.01, 0.999 * np.pi / H, 200)

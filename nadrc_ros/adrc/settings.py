@@ -12,6 +12,8 @@ from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
 MAX_FREQUENCIES = 3  # with five orders and five extended states the poles are right to 1e-8
+# Of a known frequency, w h, and of a known pole, -p h. With a sample lost they are still seen.
+MOST_TURN, MOST_DECAY = 1.57, 2.0
 # Bounds of what may be real. They are there for the arithmetic alone: products of what the law
 # multiplies, powers of bandwidths among them, stay far from 1e308 and from 0.
 # Of every signal, in any unit. What is larger counts as no number at all: the observers forget it
@@ -333,15 +335,29 @@ class ControllerSettings:
 
     def check_rate(self, rate: float) -> None:
         """
-        Refuse times that are too short for a loop at ``rate`` [Hz].
+        Refuse what is too fast for a loop at ``rate`` [Hz].
 
         Raises
         ------
         SettingError
             For a ``measurement_timeout`` or ``max_dt`` below two periods; names both if need be.
-            Also for such an ``applied_timeout`` or ``feed_forward_timeout``.
+            Also for such an ``applied_timeout`` or ``feed_forward_timeout``, a known frequency of
+            less than four samples a cycle, or a known pole that settles within a period.
 
         """
+        if max(self.disturbance_frequencies) > MOST_TURN * rate:
+            raise SettingError(
+                'disturbance_frequencies',
+                self.disturbance_frequencies,
+                f'at most {MOST_TURN * rate:g} rad/s at {rate:g} Hz, four samples a cycle',
+            )
+        if min(self.plant_poles) < -MOST_DECAY * rate:
+            raise SettingError(
+                'plant_poles',
+                self.plant_poles,
+                f'at least {-MOST_DECAY * rate:g} rad/s at {rate:g} Hz: what settles within a '
+                'period is no part of the plant, whose order is then lower',
+            )
         shortest = 2.0 / rate
         allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'
         for name in ('applied_timeout', 'feed_forward_timeout'):

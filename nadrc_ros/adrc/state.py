@@ -172,13 +172,13 @@ def average_command(state: State, applied: float, elapsed: float) -> None:
     state.since_sample[1] = total
 
 
-def settled(design: Design, x: Vector, state: State) -> Vector:
-    """Return y, ..., y^(n-1) without what the known vibrations make of them."""
-    out, i = state.work[0], design.order
+def settled(design: Design, x: Vector, reference: Vector, state: State) -> float:
+    """Return v + sum_i a_i y^(i), the known vibrations left to themselves: see ``ripple``."""
+    y, i = state.work[0], design.order
     while i > 0:
         i -= 1
-        out[i] = x[i] - state.ripple[i]
-    return out
+        y[i] = x[i] - state.ripple[i]
+    return feedback(design, y, reference) + damping(design, y) - state.ripple[design.order]
 
 
 def damping(design: Design, x: Vector, first: int = 0) -> float:
@@ -202,11 +202,7 @@ def raw_command(design: Design, state: State) -> float:
     order = design.order
     reference = design.no_reference if design.error_based else state.profile
     x = levels[design.feedback_level]
-    if design.known:
-        x = settled(design, x, state)
-    v = feedback(design, x, reference)
-    if design.known:
-        v += damping(design, x) - state.ripple[order]
+    v = settled(design, x, reference, state) if design.known else feedback(design, x, reference)
     k = design.cancelled
     while k > 0:
         k -= 1

@@ -23,7 +23,14 @@ if TYPE_CHECKING:
     from nadrc_ros.records.source import Source
     from nadrc_ros.scenario import Scenario
 
-_KINDS = {'number': float, 'integer': int, 'choice': str, 'flag': bool, 'text': str}
+_KINDS: dict[str, Any] = {
+    'numbers': list[float],
+    'number': float,
+    'integer': int,
+    'choice': str,
+    'flag': bool,
+    'text': str,
+}
 _PICTURES = ('.png', '.svg', '.pdf')
 
 ScenarioFile = Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')]

@@ -10,7 +10,9 @@ from math import exp, sin, tanh
 from typing import ClassVar
 
 import attrs
-from nadrc_ros.adrc.fields import integer, number, Registry
+from nadrc_ros.adrc.design import polynomial
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import integer, number, numbers, Registry
 from nadrc_ros.adrc.settings import FASTEST, HIGHEST, LEAST, LOWEST
 from nadrc_ros.simulation.protocols import MAX_ORDER, MutableVector, Plant, Vector
 
@@ -79,6 +81,57 @@ class Chain(_Output):
             dx[i] = x[i + 1]
         top = self.order - 1
         dx[top] = -self.damping * x[top] + self.gain * u - self.load + w
+
+
+@attrs.frozen(kw_only=True)
+class RealPoles(_Output):
+    """
+    prod_i (d/dt - p_i) y = gain u - load + w: lags and integrators in series.
+
+    The order is the number of poles. Of a drive whose velocity follows its command with a lag of
+    50 ms, gain and poles of the position are 20 v, [-20, 0].
+    """
+
+    poles: tuple[float, ...] = numbers(
+        (-20.0, 0.0), -FASTEST, FASTEST, 'rad/s', 'real poles p_i', live=False
+    )
+    gain: float = number(20.0, LOWEST, HIGHEST, '', 'input gain, also b0', nonzero=True)
+    load: float = number(0.0, LOWEST, HIGHEST, '', 'constant load, in units of y^(n)')
+    # a_0..a_{n-1} of y^(n) + a_{n-1} y^(n-1) + ... + a_0 y.
+    damping: tuple[float, ...] = attrs.field(init=False)
+
+    @damping.default
+    def _expand(self) -> tuple[float, ...]:
+        return tuple(polynomial(self.poles))
+
+    def __attrs_post_init__(self) -> None:
+        if len(self.poles) > MAX_ORDER:
+            raise SettingError('poles', self.poles, f'a list of 1 to {MAX_ORDER} entries')
+
+    @property
+    def order(self) -> int:
+        """Return the number of poles."""
+        return len(self.poles)
+
+    @property
+    def states(self) -> int:
+        """Return the number of states: the order."""
+        return len(self.poles)
+
+    @property
+    def b0(self) -> float:
+        """Nominal input gain: the gain."""
+        return self.gain
+
+    def derivative(self, t: float, x: Vector, u: float, w: float, dx: MutableVector) -> None:
+        """Write dx/dt into ``dx``."""
+        top = len(self.damping) - 1
+        force = self.gain * u - self.load + w
+        for i in range(top + 1):
+            force -= self.damping[i] * x[i]
+        for i in range(top):
+            dx[i] = x[i + 1]
+        dx[top] = force
 
 
 @attrs.frozen(kw_only=True)
@@ -220,6 +273,7 @@ PLANTS = Registry[type[Plant]](
     {
         'paper': PaperPlant,
         'chain': Chain,
+        'lags': RealPoles,
         'motor': MotorSpeed,
         'motor_position': MotorPosition,
         'pendulum': Pendulum,

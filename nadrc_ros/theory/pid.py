@@ -52,12 +52,14 @@ def equivalent_pid(design: Design) -> FilteredPID:
     Raises
     ------
     ValueError
-        With more than one level or extended state (two integrators: no PID), n > 2, fal, or error
-        based (where F = 1).
+        With more than one level or extended state (two integrators: no PID), n > 2, fal, known
+        poles or frequencies, or error based (where F = 1).
 
     """
     if design.levels > 1 or design.states != design.order + 1 or design.order > 2:
         raise ValueError('only one LESO of a plant of order 1 or 2 is a PI or PID controller')
+    if design.known:
+        raise ValueError('with known poles or frequencies it is no PI or PID controller')
     if not design.linear or design.error_based:
         raise ValueError('only the linear law fed with the output is a PI or PID controller')
     monic = np.asarray(np.poly([-w for w in pole_frequencies(design, 0)]), dtype=float)

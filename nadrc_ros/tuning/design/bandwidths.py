@@ -10,7 +10,7 @@ times as fast).
 
 from __future__ import annotations
 
-from math import expm1, floor, log, log10
+from math import expm1, floor, log, log10, prod
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -56,7 +56,9 @@ def reference_step(wanted: Requirements) -> float:
     if wanted.reference_step:
         return wanted.reference_step
     wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
-    step = STEP_SHARE * wanted.command_limit * abs(wanted.b0) / wc**wanted.order
+    # With the command that holds it, a_0 r / b0, where a_0 is more than wc^n.
+    each = max(wc**wanted.order, abs(prod(wanted.poles)))
+    step = STEP_SHARE * wanted.command_limit * abs(wanted.b0) / each
     return float(f'{step:.3g}')
 
 
@@ -82,6 +84,8 @@ def settings_of(
         controller_bandwidth=wc,
         command_min=wanted.lowest_command,
         command_max=wanted.command_limit,
+        plant_poles=wanted.plant_poles,
+        disturbance_frequencies=wanted.disturbance_frequencies,
         outer_bandwidth=ratio * w if levels > 1 else usual.outer_bandwidth,
         bandwidth_ratio=ratio if levels > 2 else usual.bandwidth_ratio,
     )

@@ -117,9 +117,10 @@ class FirstDesign:
     @property
     def pid(self) -> FilteredPID | None:
         """Return the filtered PI or PID controller that one observer is, for orders 1 and 2."""
-        if self.wanted.order > 2:
+        design = make_design(self.candidates[0].settings)
+        if self.wanted.order > 2 or design.known:
             return None
-        return equivalent_pid(make_design(self.candidates[0].settings))
+        return equivalent_pid(design)
 
     def expected(self) -> dict[str, Expected]:
         """Run the experiment; return the figures of merit of each candidate by name."""
@@ -207,7 +208,7 @@ def experiment(wanted: Requirements, ordered: Sequence[Candidate]) -> Scenario:
     start = _START * wanted.settling_time + wanted.delay
     later = start + _ALONE * wanted.settling_time
     return Scenario(
-        plant=PlantSpec(name='chain', values={'order': wanted.order, 'gain': wanted.b0}),
+        plant=_plant(wanted),
         reference=SignalSpec(
             name='step', values={'amplitude': reference_step(wanted), 'start_time': start}
         ),
@@ -218,6 +219,12 @@ def experiment(wanted: Requirements, ordered: Sequence[Candidate]) -> Scenario:
         rate=wanted.rate,
         duration=float(f'{later + _length(wanted):.3g}'),
     )
+
+
+def _plant(wanted: Requirements) -> PlantSpec:
+    if any(wanted.poles):
+        return PlantSpec(name='lags', values={'poles': wanted.poles, 'gain': wanted.b0})
+    return PlantSpec(name='chain', values={'order': wanted.order, 'gain': wanted.b0})
 
 
 def expect(scenario: Scenario, candidate: Candidate) -> Expected:

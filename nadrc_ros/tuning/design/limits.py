@@ -11,11 +11,12 @@ from math import ceil, floor, log10, pi
 from typing import NamedTuple
 
 import attrs
-from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.design import Design, make_design, polynomial
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.theory.delayed import command_variance, delayed_loop, Loop
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import Margins, margins
+from nadrc_ros.theory.system import StateSpace
 from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import (
     controller_bandwidth,
@@ -45,16 +46,21 @@ _SLACK = 1.2
 Test = Callable[[Design, Requirements], bool]
 
 
+def known_plant(wanted: Requirements) -> StateSpace:
+    """Return the plant as far as it is known: integrators, or poles, with the right b0."""
+    return chain(wanted.order, wanted.b0, polynomial(wanted.poles))
+
+
 def nominal_loop(design: Design, wanted: Requirements) -> Loop:
     """Return the loop with the right b0, and the delay that is known."""
-    return delayed_loop(design, chain(wanted.order, wanted.b0), wanted.period, wanted.delay)
+    return delayed_loop(design, known_plant(wanted), wanted.period, wanted.delay)
 
 
 def loop_margins(
     design: Design, wanted: Requirements, delay: float, points: int = 3000
 ) -> Margins:
     """Return the margins with the right b0 and a ``delay`` [s], sought at so many frequencies."""
-    return margins(design, chain(wanted.order, wanted.b0), wanted.period, delay, points)
+    return margins(design, known_plant(wanted), wanted.period, delay, points)
 
 
 def noise_gain(design: Design, wanted: Requirements) -> float:
@@ -70,7 +76,7 @@ def slow_enough(design: Design, wanted: Requirements) -> bool:
 def robust_enough(design: Design, wanted: Requirements) -> bool:
     """Tell whether the loop is stable and the delay at most half of what it bears without it."""
     if wanted.delay == 0.0:
-        return loop_growth(design, chain(wanted.order, wanted.b0), wanted.period) < 1.0
+        return loop_growth(design, known_plant(wanted), wanted.period) < 1.0
     return wanted.delay <= _DELAY_SHARE * loop_margins(design, wanted, 0.0, _COARSE_POINTS).delay
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.adrc.fields import choice, flag, integer, number
+from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.settings import (
+    ControllerSettings,
     FASTEST,
     FASTEST_RATE,
     HIGHEST,
@@ -95,7 +96,32 @@ class Requirements:
     levels: int = integer(
         0, 0, MAX_LEVELS, 'levels of a nested or cascade observer; 0 = advised, 2 for a cascade'
     )
+    plant_poles: tuple[float, ...] = numbers(
+        (0.0,),
+        -FASTEST,
+        FASTEST,
+        'rad/s',
+        'known real poles of the plant, one for each order or one for all; 0 = an integrator',
+    )
+    disturbance_frequencies: tuple[float, ...] = numbers(
+        (0.0,), 0.0, FASTEST, 'rad/s', 'known frequencies of the disturbance, up to 3; 0 = none'
+    )
     half_gain: bool = flag(False, 'let half of the observer gains act (half-gain tuning)')
+
+    def __attrs_post_init__(self) -> None:
+        # What a controller refuses of them is refused here.
+        ControllerSettings(
+            plant_order=self.order,
+            plant_poles=self.plant_poles,
+            disturbance_frequencies=self.disturbance_frequencies,
+            measurement_timeout=0.0,
+            max_dt=LONGEST,
+        ).check_rate(self.rate)
+
+    @property
+    def poles(self) -> tuple[float, ...]:
+        """Return the known poles, one for each order."""
+        return self.plant_poles * (self.order // len(self.plant_poles))
 
     @property
     def load(self) -> float:

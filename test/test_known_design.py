@@ -1,0 +1,152 @@
+"""What theory and `nadrc design` say of loops with known poles and vibrations is what they do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from law_helpers import at_least, design_of, noise
+from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.theory.delayed import command_variance, delayed_loop
+from nadrc_ros.theory.loop import chain, loop_growth
+from nadrc_ros.theory.model import residual
+from nadrc_ros.tuning.design.candidates import candidates
+from nadrc_ros.tuning.design.first_design import expect, first_design
+from nadrc_ros.tuning.design.prediction import Prediction
+from nadrc_ros.tuning.design.requirements import Requirements
+import numpy as np
+import pytest
+from scipy import optimize
+from test_internal_model import left
+from theory_helpers import LINEAR, Loop, response, simulated_stable, WIDE
+
+H = 0.005
+LAGGED = Requirements(
+    order=2,
+    b0=20.0,
+    settling_time=0.5,
+    rate=200.0,
+    noise_std=1e-3,
+    plant_poles=(-20.0, 0.0),
+    disturbance_frequencies=(60.0,),
+)
+
+
+@st.composite
+def loops(draw: st.DrawFn) -> Any:
+    n = draw(st.integers(1, 3))
+    rates = st.sampled_from((0.0, -0.5, -8.0, -40.0, 2.0))
+    actual = [draw(rates) for _ in range(n)]
+    wrong = draw(st.sampled_from((0.5, 1.0, 1.0, 2.0)))
+    design = design_of(
+        structure=draw(st.sampled_from(LINEAR)),
+        plant_order=n,
+        inner_bandwidth=draw(st.floats(10.0, 80.0)),
+        outer_bandwidth=draw(st.floats(10.0, 80.0)),
+        controller_bandwidth=draw(st.floats(1.0, 15.0)),
+        levels=draw(st.integers(1, 3)),
+        extended_states=draw(st.integers(1, 3)),
+        feedback_level=draw(st.sampled_from(('inner', 'outer'))),
+        error_based=draw(st.booleans()),
+        observer_gain_factor=draw(st.sampled_from((1.0, 1.0, 0.5))),
+        plant_poles=[wrong * p for p in actual],
+        disturbance_frequencies=draw(st.sampled_from(((0.0,), (20.0,), (90.0,), (11.0, 45.0)))),
+        **WIDE,
+    )
+    gain = draw(st.floats(0.3, 4.0))
+    return design, chain(n, gain, np.poly(actual)[:0:-1].tolist())
+
+
+@at_least(15)
+@given(loops())
+def test_stable_by_theory_is_stable_as_it_runs(loop: Any) -> None:
+    design, plant = loop
+    distance = abs(loop_growth(design, plant, H) - 1.0)
+    assume(distance > 4e-3)
+    assert simulated_stable(design, plant, H, distance) == (loop_growth(design, plant, H) < 1.0)
+
+
+@pytest.fixture(scope='module')
+def nested() -> tuple[Prediction, Design]:
+    """Return what is expected of two nested observers, and their design without limits."""
+    candidate = next(c for c in candidates(LAGGED) if c.name == 'nested_2')
+    design = make_design(candidate.settings)
+    return candidate.prediction, attrs.evolve(design, command_min=-1e9, command_max=1e9)
+
+
+def test_the_margins_of_a_design_are_where_it_becomes_unstable(
+    nested: tuple[Prediction, Design],
+) -> None:
+    prediction, design = nested
+    for gain, stable in ((0.95, True), (1.05, False)):
+        plant = chain(2, 20.0 * prediction.margins.gain_high * gain, [0.0, 20.0])
+        distance = abs(loop_growth(design, plant, H) - 1.0)
+        assert simulated_stable(design, plant, H, distance) is stable
+
+
+def test_the_noise_of_a_design_is_that_of_its_run(nested: tuple[Prediction, Design]) -> None:
+    prediction, design = nested
+    loop, commands = Loop(design, chain(2, 20.0, [0.0, 20.0]), H, start=0.0), []
+    for v in noise(3, 15_000, LAGGED.noise_std):
+        u = loop.law.step([0.0], loop.output + v, H)
+        loop.x = [
+            sum(a * x for a, x in zip(row, loop.x)) + b * u for row, b in zip(loop.a, loop.b)
+        ]
+        commands.append(u)
+    assert np.std(commands[1000:]) == pytest.approx(prediction.command_noise, rel=0.05)
+
+
+def test_a_first_design_of_a_lagged_plant_settles_in_time() -> None:
+    quiet = attrs.evolve(LAGGED, noise_std=0.0)
+    found = first_design(quiet)
+    assert found.scenario.plant.name == 'lags' and found.pid is None
+    for candidate in found.candidates:
+        assert candidate.prediction.settling_time == pytest.approx(0.5, rel=0.03)
+        result = found.scenario.run(candidate.name)
+        alone = result.time < found.scenario.disturbance.values['start_time']
+        assert result.output[alone].max() < 1.001 * result.reference.max()
+        assert expect(found.scenario, candidate).saturated == 0.0
+    with pytest.raises(SettingError, match='plant_poles'):
+        Requirements(order=2, plant_poles=(-1.0, -2.0, -3.0))
+    with pytest.raises(SettingError, match='disturbance_frequencies'):
+        Requirements(rate=10.0, disturbance_frequencies=(60.0,))
+
+
+@pytest.mark.parametrize('n', (1, 2))
+def test_at_equal_noise_a_plain_observer_leaves_a_thousand_times_more(n: int) -> None:
+    poles, w = (-10.0, *[0.0] * (n - 1)), 30.0
+    known = design_of(
+        structure='conventional',
+        plant_order=n,
+        plant_poles=poles,
+        disturbance_frequencies=(w,),
+        **WIDE,
+    )
+
+    def plain(bandwidth: float) -> Any:
+        return design_of(
+            structure='conventional',
+            plant_order=n,
+            plant_poles=poles,
+            inner_bandwidth=bandwidth,
+            **WIDE,
+        )
+
+    plant = chain(n, 1.0, np.poly(poles)[:0:-1].tolist())
+
+    def variance(design: Any) -> float:
+        return float(command_variance(delayed_loop(design, plant, H)))
+
+    wider = optimize.brentq(lambda v: variance(plain(v)) - variance(known), 20.0, 400.0)
+    assert wider > 41.0
+    assert left(known, poles, w)[0] < 1e-3 * left(plain(wider), poles, w)[0]
+
+
+@pytest.mark.parametrize('structure', LINEAR)
+def test_no_level_leaves_anything_at_a_known_frequency(structure: str) -> None:
+    design = design_of(structure=structure, disturbance_frequencies=(30.0, 7.0))
+    left_over = np.abs(response(residual(design), np.array([7.0, 30.0, 18.0]))[:, 0, 0])
+    assert left_over[0] < 1e-9 and left_over[1] < 1e-9 < left_over[2]
