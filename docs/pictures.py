@@ -23,6 +23,8 @@ SCENARIOS = HERE.parent / 'examples' / 'loops'
 # Page -> from when to when it is shown [s].
 PAGES: dict[str, tuple[float, float]] = {
     'angles': (0.0, 5.0),
+    'known_dynamics': (0.0, 2.5),
+    'vibration': (0.0, 2.0),
 }
 
 

@@ -189,7 +189,7 @@ def varied_settings() -> dict[str, dict[str, Any]]:
         },
         'vibration-generalized': {
             'disturbance_frequencies': (12.0,),
-            'plant_poles': (-1.0, -0.1),
+            'plant_poles': (-1.0, 0.0),
             'b0': -2.0,
             'structure': 'generalized',
             'tracking_acceleration': 2.0,

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from law_helpers import at_least, design_of, noise
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.records.recorded_run import modelled
 from nadrc_ros.theory.delayed import command_variance, delayed_loop
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.model import residual
@@ -150,3 +152,13 @@ def test_no_level_leaves_anything_at_a_known_frequency(structure: str) -> None:
     design = design_of(structure=structure, disturbance_frequencies=(30.0, 7.0))
     left_over = np.abs(response(residual(design), np.array([7.0, 30.0, 18.0]))[:, 0, 0])
     assert left_over[0] < 1e-9 and left_over[1] < 1e-9 < left_over[2]
+
+
+def test_the_truth_of_a_record_is_that_of_the_model_or_unknown() -> None:
+    time, y, truth = np.arange(3.0), np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.5, 0.5])
+    plain = ControllerSettings(plant_order=1)
+    lagged = attrs.evolve(plain, plant_poles=(-4.0,))
+    found = modelled(time, y, truth, [(0.0, plain), (1.5, lagged)])
+    assert found.tolist() == [0.5, 0.5, 12.5]
+    second = ControllerSettings(plant_poles=(-4.0, 0.0))  # its y' is in no record
+    assert np.isnan(modelled(time, y, truth, [(0.0, second)])).all()

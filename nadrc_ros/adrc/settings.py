@@ -8,12 +8,10 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
+from nadrc_ros.adrc.known_checks import check_known, check_known_rate
 from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
-MAX_FREQUENCIES = 3  # with five orders and five extended states the poles are right to 1e-8
-# Of a known frequency, w h, and of a known pole, -p h. With a sample lost they are still seen.
-MOST_TURN, MOST_DECAY = 1.57, 2.0
 # Bounds of what may be real. They are there for the arithmetic alone: products of what the law
 # multiplies, powers of bandwidths among them, stay far from 1e308 and from 0.
 # Of every signal, in any unit. What is larger counts as no number at all: the observers forget it
@@ -308,21 +306,9 @@ class ControllerSettings:
                 'at a stop',
             )
         self._check_table()
-        known = [w for w in self.disturbance_frequencies if w > 0.0]
-        if len(known) > MAX_FREQUENCIES or len(set(known)) < len(known):
-            raise SettingError(
-                'disturbance_frequencies',
-                self.disturbance_frequencies,
-                f'at most {MAX_FREQUENCIES} that differ',
-            )
+        check_known(self.plant_poles, self.disturbance_frequencies, self.measurement_period)
         n = self.plant_order
         self._check_length('plant_poles', n)
-        if self.measurement_period > 0.0 and all(self.plant_poles):
-            raise SettingError(
-                'plant_poles',
-                self.plant_poles,
-                'with one that is 0 for an angle: a turn further its plant does the same',
-            )
         self._check_length('fal_gains', n)
         self._check_length('fal_exponents', n)
 
@@ -345,19 +331,7 @@ class ControllerSettings:
             less than four samples a cycle, or a known pole that settles within a period.
 
         """
-        if max(self.disturbance_frequencies) > MOST_TURN * rate:
-            raise SettingError(
-                'disturbance_frequencies',
-                self.disturbance_frequencies,
-                f'at most {MOST_TURN * rate:g} rad/s at {rate:g} Hz, four samples a cycle',
-            )
-        if min(self.plant_poles) < -MOST_DECAY * rate:
-            raise SettingError(
-                'plant_poles',
-                self.plant_poles,
-                f'at least {-MOST_DECAY * rate:g} rad/s at {rate:g} Hz: what settles within a '
-                'period is no part of the plant, whose order is then lower',
-            )
+        check_known_rate(self.plant_poles, self.disturbance_frequencies, rate)
         shortest = 2.0 / rate
         allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'
         for name in ('applied_timeout', 'feed_forward_timeout'):

@@ -166,7 +166,7 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
     """Read a run with the truth for b0 of the controller, if need be that of the scenario."""
     import attrs
     from nadrc_ros.records.read_run import read_run
-    from nadrc_ros.records.recorded_run import reached, referred
+    from nadrc_ros.records.recorded_run import modelled, reached, referred
 
     run = read_run(folder)
     if run.referred:
@@ -178,6 +178,8 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
         run.time, run.command, scenario.input_delay, scenario.controllers[name].safe_command
     )
     truth = referred(run.time, acted, run.column('total_disturbance'), plant, gains)
+    settings = run.history.controller_settings() or [(0.0, scenario.controllers[name])]
+    truth = modelled(run.time, run.output, truth, settings)
     return attrs.evolve(run, columns=run.columns | {'total_disturbance': truth})
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import nan
 from pathlib import Path
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.angles import short_way, unwrapped
 from nadrc_ros.records.figures import Figures, figures_of
 from nadrc_ros.records.history import Change, Event, History
@@ -152,11 +154,16 @@ class RecordedRun:
 
     @cached_property
     def total_disturbance(self) -> Array:
-        """Return the truth, y^(n) - b0 u, for b0 of the controller, or of the plant if unknown."""
+        """
+        Return the truth, y^(n) - b0 u, for b0 of the controller, or of the plant if unknown.
+
+        With known poles of the controller it is that of :func:`modelled`.
+        """
         truth = self.column('total_disturbance')
         if not self.referred:
             return truth
-        return referred(self.time, self._acted, truth, *self.gains)
+        truth = referred(self.time, self._acted, truth, *self.gains)
+        return modelled(self.time, self.output, truth, self.history.controller_settings())
 
     @property
     def _acted(self) -> Array:
@@ -260,6 +267,29 @@ def reached(time: Array, command: Array, delay: float, before: float) -> Array:
         return command
     sent = np.searchsorted(time, time - delay * (1.0 - 1e-9), 'right') - 1
     return np.where(sent < 0, before, command[sent])
+
+
+def modelled(
+    time: npt.ArrayLike,
+    output: Array,
+    truth: Array,
+    controllers: Sequence[tuple[float, ControllerSettings]],
+) -> Array:
+    """
+    Return the total disturbance for the known poles, y^(n) + a_{n-1} y^(n-1) + ... - b0 u.
+
+    Of order 1 that is a_0 y more than ``truth``. Of higher orders it is not-a-number while the
+    settings, with the times [s] from which they held, have any: no record has y', y'', ...
+    """
+    shares = [(start, _share_of_output(settings)) for start, settings in controllers]
+    share = sampled(shares, time)
+    return np.where(share == 0.0, truth, truth + share * output)
+
+
+def _share_of_output(settings: ControllerSettings) -> float:
+    if not any(settings.plant_poles):
+        return 0.0
+    return -settings.plant_poles[0] if settings.plant_order == 1 else nan
 
 
 def sampled(steps: Sequence[tuple[float, float]], time: npt.ArrayLike) -> Array:

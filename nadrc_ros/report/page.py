@@ -106,6 +106,12 @@ def _disturbance(plotter: Plotter) -> str:
 
 def _which_truth(run: RecordedRun) -> str:
     if not np.isfinite(run.total_disturbance).any():
+        if np.isfinite(run.column('total_disturbance')).any():
+            return (
+                'The true disturbance is not known: with <code>plant_poles</code> it is y<sup>(n)'
+                '</sup> + a<sub>n−1</sub> y<sup>(n−1)</sup> + … − b<sub>0</sub> u, and no record '
+                'has the derivatives of y.'
+            )
         return 'Nobody published the true disturbance.'
     if run.referred:
         return (
