@@ -113,8 +113,6 @@ def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
             raise SettingError('--controller', name, 'one of ' + ', '.join(scenario.controllers))
     names = [name for name in scenario.controllers if name in (wanted or scenario.controllers)]
     for name in names:
-        if hasattr(scenario.controllers[name], 'inner'):
-            raise SettingError('controllers', name, 'no cascade')
         if name == 'scenario':
             raise SettingError(
                 'controllers', name, 'named otherwise: scenario.yaml is written too'

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import attrs
+from nadrc_ros.adrc.cascade import loops_of
+from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 import yaml
 
@@ -18,9 +19,23 @@ ANY_CONTROLLER = '/**/controller'
 
 def controller_parameters(settings: ControllerSettings, rate: float) -> Parameters:
     """Return what makes a controller node run with these settings at ``rate`` [Hz]."""
-    values = attrs.asdict(settings)
+    values = {name: getattr(settings, name) for name in declared(ControllerSettings)}
     plain = {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
     return {**plain, 'rate': rate}
+
+
+def node_parameters(settings: ControllerSettings, rate: float) -> dict[str, Parameters]:
+    """
+    Return by node what runs a controller, or with ``--axes loop_1 loop_2 ...`` those of a cascade.
+
+    ``loop_1`` is the outermost loop.
+    """
+    loops = [controller_parameters(each, rate) for each in loops_of(settings)]
+    if len(loops) == 1:
+        return {ANY_CONTROLLER: loops[0]}
+    for i, inner in enumerate(loops[1:], 1):
+        inner['reference_from'] = f'loop_{i}'
+    return {f'/**/loop_{i}/controller': each for i, each in enumerate(loops, 1)}
 
 
 def parameter_text(nodes: Mapping[str, Parameters]) -> str:

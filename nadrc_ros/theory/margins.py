@@ -15,7 +15,13 @@ from math import inf, isfinite, pi
 from typing import NamedTuple
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.theory.delayed import delayed_loop, is_stable_loop, loop_grid, open_response
+from nadrc_ros.theory.delayed import (
+    delayed_loop,
+    is_stable_loop,
+    Loop,
+    loop_grid,
+    open_response,
+)
 from nadrc_ros.theory.system import Array, Complex, StateSpace
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +61,12 @@ def margins(
     design: Design, plant: StateSpace, h: float, delay: float = 0.0, points: int = 3000
 ) -> Margins:
     """Return the :class:`Margins` of the loop with the continuous ``plant`` at period ``h``."""
-    closed = delayed_loop(design, plant, h, delay)
+    return loop_margins(delayed_loop(design, plant, h, delay), points)
+
+
+def loop_margins(closed: Loop, points: int = 3000) -> Margins:
+    """Return the :class:`Margins` of a loop."""
+    h = closed.h
     if not is_stable_loop(closed):
         return UNSTABLE
     loop = open_response(closed)

@@ -17,11 +17,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.report.picture import COLOURS, INK, STYLE
 from nadrc_ros.scenario import dump, Scenario
-from nadrc_ros.scenario.parameter_files import (
-    ANY_CONTROLLER,
-    controller_parameters,
-    parameter_text,
-)
+from nadrc_ros.scenario.parameter_files import node_parameters, parameter_text
 from nadrc_ros.simulation.batch import run_metrics
 from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.theory.margins import Margins
@@ -99,7 +95,7 @@ def tuned(study: TuningStudy, name: str, isu: float | None, number: int | None) 
 
 
 def _unseen(scenario: Scenario, settings: ControllerSettings, judge: Judge) -> dict[str, float]:
-    seeds = _UNSEEN_SEEDS if scenario.noise.variance > 0.0 else _UNSEEN_SEEDS[:1]
+    seeds = _UNSEEN_SEEDS if scenario.noise.random else _UNSEEN_SEEDS[:1]
     experiment, objective = scenario.experiment, judge.tuning.objective
     runs = [run_metrics(experiment, settings, seed, judge.compiled) for seed in seeds]
     values = [getattr(run, objective) for run in runs]
@@ -115,9 +111,7 @@ def texts(scenario: Scenario, found: Sequence[Tuned]) -> dict[str, str]:
     """Return by file name the scenario with the tuned controllers, and each one's parameters."""
     controllers = scenario.controllers | {one.name: one.settings for one in found}
     parameters = {
-        f'{one.name}.yaml': parameter_text(
-            {ANY_CONTROLLER: controller_parameters(one.settings, scenario.rate)}
-        )
+        f'{one.name}.yaml': parameter_text(node_parameters(one.settings, scenario.rate))
         for one in found
     }
     return {'scenario.yaml': dump(attrs.evolve(scenario, controllers=controllers)), **parameters}

@@ -8,6 +8,7 @@ from math import log
 from typing import Any, TypeVar
 
 import attrs
+from nadrc_ros.adrc.cascade import CascadeSettings, loops_of
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -16,8 +17,9 @@ from nadrc_ros.scenario.user_code import blame
 from nadrc_ros.simulation.batch import run_metrics, RunMetrics
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
+from nadrc_ros.theory.cascade import cascade_loop
 from nadrc_ros.theory.loop import chain
-from nadrc_ros.theory.margins import Margins, margins
+from nadrc_ros.theory.margins import loop_margins, Margins, margins
 from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.variables import designed
 import numpy as np
@@ -85,7 +87,8 @@ class Corner:
     @property
     def quiet(self) -> Corner:
         """Return the same plant with a perfect measurement."""
-        noise = attrs.evolve(self.experiment.noise, variance=0.0)
+        noise = self.experiment.noise
+        noise = attrs.evolve(noise, variance=0.0, derivative_variances=(0.0,))
         return attrs.evolve(self, experiment=attrs.evolve(self.experiment, noise=noise))
 
 
@@ -99,7 +102,7 @@ class Judge:
         self.settings = scenario.controllers[name]
         self.tuning = tuning
         self.compiled = compiled
-        count = tuning.seeds if scenario.noise.variance > 0.0 else 1
+        count = tuning.seeds if scenario.noise.random else 1
         self.seeds = range(FIRST_SEED, FIRST_SEED + count)
         self._corners: list[Corner] = []
 
@@ -142,7 +145,8 @@ class Judge:
         the constraint is kept.
         """
         tuning, h = self.tuning, 1.0 / self.scenario.rate
-        fastest = max(make_design(settings).bandwidths) * h
+        designs = [make_design(each) for each in loops_of(settings)]
+        fastest = max(max(design.bandwidths) for design in designs) * h
         if fastest > tuning.largest_wh * (1.0 + 1e-9):
             return {'largest_wh': log(fastest / tuning.largest_wh)}
         found = self.margins(settings)
@@ -160,7 +164,10 @@ class Judge:
         """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
         plant, rate = self.corners[0].experiment.plant, self.scenario.rate
         nominal, delay = chain(plant.order, plant.b0), self.scenario.faults.delay(rate)
-        return margins(make_design(settings), nominal, 1.0 / rate, delay, _MARGIN_POINTS)
+        designs = [make_design(each) for each in loops_of(settings)]
+        if len(designs) > 1:
+            return loop_margins(cascade_loop(designs, nominal, 1.0 / rate, delay), _MARGIN_POINTS)
+        return margins(designs[0], nominal, 1.0 / rate, delay, _MARGIN_POINTS)
 
     def _measured(self, settings: ControllerSettings, better: Sequence[Figures]) -> Score:
         first_seed = self.seeds[:1]
@@ -257,6 +264,8 @@ def with_gain(settings: ControllerSettings, gain: float) -> ControllerSettings:
     """
     if gain == 1.0:
         return settings
+    if isinstance(settings, CascadeSettings):  # what an outer loop commands is no input
+        return attrs.evolve(settings, inner=with_gain(settings.inner, gain))
     return attrs.evolve(
         settings,
         b0=settings.b0 / gain,

@@ -8,6 +8,7 @@ import re
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.cascade import CascadeSettings, loops_of
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import declared
@@ -28,6 +29,8 @@ _DIGITS = 6
 # Textbooks want an observer faster than the controller; under noise the reverse is often better.
 _RULES = ((0.25, 0.75, 1), *((share, 0.5, 2) for share in (0.5, 1.0, 2.0, 4.0, 8.0)))
 _GOLDEN_RATIO = 0.618034
+# Before the names of an inner loop, which is so many times as fast by the rules.
+_INNER, _INNER_FASTER = 'inner.', 4.0
 
 
 @attrs.frozen
@@ -76,7 +79,8 @@ def default_variables(
     Return by name what the structure and the feedback of a controller leave open.
 
     Bandwidths [rad/s] lie between 10 / ``duration`` [s] and ``largest_wh`` times the rate [Hz],
-    that of the controller from a quarter of that on.
+    that of the controller from a quarter of that on. Those of the inner loop of a cascade begin
+    with ``inner.``.
     """
     levels = make_design(settings).levels
     top = largest_wh * rate
@@ -95,6 +99,9 @@ def default_variables(
         found.append(_around('eso_delta', settings.eso_delta))
     if levels > 1:
         found.append(Variable(_LEVEL, 1.0, float(levels), whole=True))
+    if isinstance(settings, CascadeSettings):
+        inner = default_variables(settings.inner, rate, duration, largest_wh).values()
+        found += [attrs.evolve(each, name=_INNER + each.name) for each in inner]
     return {variable.name: variable for variable in found}
 
 
@@ -118,6 +125,13 @@ def _wanted(
         if name not in known and own[name] == 0.0:
             raise SettingError(path, 'no range', f'given a range, {name}=low:high')
         return known[name] if name in known else _around(name, own[name])
+    if name.startswith(_INNER) and isinstance(settings, CascadeSettings):
+        try:
+            inside = {n.removeprefix(_INNER): v for n, v in known.items() if n.startswith(_INNER)}
+            inner = _wanted(settings.inner, inside, name.removeprefix(_INNER), span)
+        except SettingError as error:
+            raise SettingError(path, error.value, error.allowed) from None
+        return attrs.evolve(inner, name=name)
     low, high = span
     if low * high <= 0.0:
         raise SettingError(path, span, 'a range without 0: its scale is logarithmic')
@@ -140,14 +154,18 @@ def _numbers_of(settings: ControllerSettings) -> dict[str, float]:
             found[name] = getattr(settings, name)
         elif name in _LISTS:
             found |= {f'{name}[{i}]': entry for i, entry in enumerate(getattr(settings, name))}
+    if isinstance(settings, CascadeSettings):
+        found |= {_INNER + name: value for name, value in _numbers_of(settings.inner).items()}
     return found
 
 
 def values_of(settings: ControllerSettings, varied: Sequence[Variable]) -> dict[str, float]:
     """Return the numbers of a controller that vary, moved into their ranges."""
-    own = _numbers_of(settings)
-    own[_SHARE] = settings.outer_bandwidth / settings.inner_bandwidth
-    own[_LEVEL] = 1.0 + make_design(settings).feedback_level
+    own, prefix = _numbers_of(settings), ''
+    for each in loops_of(settings):
+        own[prefix + _SHARE] = each.outer_bandwidth / each.inner_bandwidth
+        own[prefix + _LEVEL] = 1.0 + make_design(each).feedback_level
+        prefix += _INNER
     return {v.name: v.inside(own[v.name]) for v in varied}
 
 
@@ -164,6 +182,10 @@ def designed(settings: ControllerSettings, values: Mapping[str, float]) -> Contr
 
     """
     changes: dict[str, Any] = {}
+    if isinstance(settings, CascadeSettings):
+        inside = {n.removeprefix(_INNER): v for n, v in values.items() if n.startswith(_INNER)}
+        changes['inner'] = designed(settings.inner, inside)
+        values = {n: v for n, v in values.items() if not n.startswith(_INNER)}
     for name, value in values.items():
         if entry := _ENTRY_OF_A_LIST.fullmatch(name):
             entries = list(changes.get(entry[1], getattr(settings, entry[1])))
@@ -197,12 +219,15 @@ def first_designs(
             # The golden ratio spreads any number of bandwidths evenly, whatever the rule.
             step = _GOLDEN_RATIO * (i + 1) % 1.0
             w = exp(log(inner.low) + step * log(inner.high / inner.low))
-        rule = {
-            'inner_bandwidth': w,
-            _SHARE: outer,
-            'outer_bandwidth': outer * w,
-            'controller_bandwidth': share * w,
-            _LEVEL: float(level),
-        }
+        rule, prefix = dict[str, float](), ''
+        for _ in loops_of(settings):
+            rule |= {
+                f'{prefix}inner_bandwidth': w,
+                f'{prefix}{_SHARE}': outer,
+                f'{prefix}outer_bandwidth': outer * w,
+                f'{prefix}controller_bandwidth': share * w,
+                f'{prefix}{_LEVEL}': float(level),
+            }
+            prefix, w = prefix + _INNER, _INNER_FASTER * w
         found.append({v.name: v.inside(rule.get(v.name, own[v.name])) for v in varied})
     return found
