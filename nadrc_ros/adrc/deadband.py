@@ -19,24 +19,31 @@ from nadrc_ros.adrc.state import (
     State,
 )
 
-# Rest begins within this share of the deadband, and ends beyond the whole.
-_ENTRY = 0.5
+# So long has it to be near, counted in 1 / wc: a plant that slides on is elsewhere by then.
+_PATIENCE = 1.0
 
 
 def mind_deadband(
-    design: Design, state: State, reference: Vector, applied: float, acting: float, out: State
+    design: Design,
+    state: State,
+    reference: Vector,
+    applied: float,
+    acting: float,
+    dt: float,
+    out: State,
 ) -> None:
     """
     Let ``out``, which follows ``state``, begin to rest, go on, or wake.
 
-    With the error e = r - y, as estimated, of a reference that stands still, rest begins when
+    With the error e = r - y, as estimated, of a reference that stands still, rest begins when |e|
+    has been below half of the deadband for 1 / wc, and so is now
 
-        |e| + |e'| / wc + |b0 (u - usual)| / wc^n
+        |e| + |e'| / wc + |b0 (u - usual)| / wc^n:
 
-    is below half of the deadband: not in the middle of a fast pass, and not at a peak of the
-    command u, what is usual being smoothed with the controller bandwidth wc. That u, which is
-    ``applied``, is held. Rest ends, first with the held command, once |e| exceeds the deadband,
-    the reference moves, or the limits exclude that command.
+    not on the way through, and not at a peak of the command u, what is usual being smoothed with
+    the controller bandwidth wc. That u, which is ``applied``, is held. Rest ends, first with the
+    held command, once |e| exceeds the deadband, the reference moves, or the limits exclude that
+    command.
     """
     error = reference[0] - output_estimate(design, out)
     still = True
@@ -44,27 +51,32 @@ def mind_deadband(
         for i in range(1, len(reference)):
             still = still and reference[i] == 0.0
     held = state.resting[1] + out.feed_forward[0]
+    same = still and reference[0] == state.resting[2]
+    out.resting[0], out.resting[2], out.resting[3] = 0.0, reference[0], 0.0
     if state.resting[0] > 0.0:
-        same = still and reference[0] == state.resting[2]
         if same and abs(error) <= design.error_deadband and clamp(design, held) == held:
-            _hold(state.resting[1], reference[0], out)
+            _hold(state.resting[1], out)
             return
-        out.resting[0] = 0.0
         copy_vector(state.smoothed, out.smoothed)
         match_command(design, out, clamp(design, held))
         return
-    out.resting[0] = 0.0
+    half = 0.5 * design.error_deadband
+    if not (same and abs(error) < half):
+        return
+    out.resting[3] = state.resting[3] + dt
+    if out.resting[3] * design.controller_bandwidth < _PATIENCE:
+        return
     driving = applied - state.feed_forward[0]
     away = abs(state.gain[0] * (driving - state.smoothed[0]))
     for _ in range(design.order - 1):
         away /= design.controller_bandwidth
     away = abs(error) + (abs(_speed(design, acting, out)) + away) / design.controller_bandwidth
-    if still and away < _ENTRY * design.error_deadband:
-        _hold(clamp(design, applied) - state.feed_forward[0], reference[0], out)
+    if away < half:
+        _hold(clamp(design, applied) - state.feed_forward[0], out)
 
 
-def _hold(command: float, reference: float, out: State) -> None:
-    out.resting[0], out.resting[1], out.resting[2] = 1.0, command, reference
+def _hold(command: float, out: State) -> None:
+    out.resting[0], out.resting[1] = 1.0, command
     out.offset[0] = out.offset[1] = 0.0
 
 

@@ -30,15 +30,16 @@ class State:
     ``smoothed`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
     once and twice. ``startup`` (1,) is how far the observers are through their rise after the
     first start, from 0 to 1. ``gain`` (3,) is b0, what it was looked up for in its table, and
-    whether it was (1 or 0). ``resting`` (3,) is whether the command is held inside the deadband
-    (1 or 0), that command, and the reference it is held for. ``since_sample`` (2,) is the mean
-    command of the ticks without a sample that followed the last one, and their time [s].
-    ``delay_line`` is what is on its way to a plant with dead time, empty without one: see
-    :mod:`~nadrc_ros.adrc.delay_line`. ``angle`` (3,) is of an angle: the last reference received,
-    nan before it, the equivalent of it that is followed, and the turns that were taken off all of
-    these. ``feed_forward`` (1,) is that of the command that was decided last; what is held, the
-    mean and what is on its way are without it. ``scratch`` (K + 2, N) remembers the observer
-    gains of the last time step: it changes the speed of a step, and nothing else.
+    whether it was (1 or 0). ``resting`` (4,) is whether the command is held inside the deadband
+    (1 or 0), that command, the reference it is held for, and how long the error was small [s].
+    ``since_sample`` (2,) is the mean command of the ticks without a sample that followed the last
+    one, and their time [s]. ``delay_line`` is what is on its way to a plant with dead time, empty
+    without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``angle`` (3,) is of an angle: the last
+    reference received, nan before it, the equivalent of it that is followed, and the turns that
+    were taken off all of these. ``feed_forward`` (1,) is that of the command that was decided
+    last; what is held, the mean and what is on its way are without it. ``scratch`` (K + 2, N)
+    remembers the observer gains of the last time step: it changes the speed of a step, and nothing
+    else.
 
     With known dynamics (:mod:`~nadrc_ros.adrc.internal_model`) ``ripple`` (n+1,) is what a known
     vibration makes of y, ..., y^(n-1) at the samples under the command that cancels it, and by how
@@ -72,7 +73,7 @@ def blank_state(design: Design) -> State:
         [0.0, 0.0],
         [0.0],
         [design.b0, 0.0, 0.0],
-        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0],
         [0.0, 0.0],
         blank_line(design.input_delay),
         [nan, 0.0, 0.0],
@@ -131,7 +132,7 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     out.levels[0][design.order] = -out.gain[0] * applied
     if design.known:
         out.levels[0][design.order] += design.damping[0] * out.levels[0][0]
-    out.resting[0] = 0.0
+    out.resting[0] = out.resting[3] = 0.0
     out.offset[0] = out.offset[1] = 0.0
     out.since_sample[1] = 0.0
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - out.feed_forward[0]
