@@ -69,7 +69,9 @@ def at_rest(settings: ControllerSettings) -> tuple[Controller, Chain]:
     raise AssertionError('it never rests')
 
 
-CASES = {k: v for k, v in varied_settings().items() if 'slow' not in k}
+# Those with which a chain of integrators is stable.
+UNSTABLE = ('slow', 'known poles', 'vibration-generalized')
+CASES = {k: v for k, v in varied_settings().items() if k not in UNSTABLE}
 
 
 @pytest.mark.parametrize('case', CASES)
