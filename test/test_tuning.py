@@ -57,6 +57,21 @@ def found(study: TuningStudy, jobs: int = 1) -> list[Trial]:
     return study.trials()
 
 
+def test_a_table_of_b0_is_kept_and_scales_with_a_spread() -> None:
+    settings = attrs.evolve(SETTINGS, b0_table=(0.0, 1.0, 2.0, 4.0))
+    assert with_gain(settings, 2.0).b0_table == (0.0, 0.5, 2.0, 2.0)
+    assert with_gain(SETTINGS, 2.0).b0_table == (0.0,)
+    with pytest.raises(SettingError, match='b0_table'):
+        variables(settings, {'b0': (0.5, 2.0)}, 100.0, 10.0, 0.3)
+    judge = Judge(scenario(), 'nested', build(TuneSettings, {}), compiled=False)
+    wrong = attrs.evolve(scenario().controllers['nested'], b0=1e3)
+    right = judge.margins(scenario().controllers['nested'])
+    assert judge.margins(wrong) != right
+    assert judge.margins(attrs.evolve(wrong, b0_table=(0.0, 1.0, 2.0, 4.0))) == pytest.approx(
+        right
+    )
+
+
 def names(**settings: Any) -> list[str]:
     varied = variables(attrs.evolve(SETTINGS, **settings), {}, 100.0, 10.0, 0.3)
     return [variable.name for variable in varied]

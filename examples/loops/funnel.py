@@ -1,4 +1,4 @@
-"""A funnel that a pump fills: the higher the level, the wider it is and the less a flow moves it."""
+"""A funnel that a pump fills: the higher the level, the wider it is and the less it moves."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ class Sledge:
     """
     Force u [N] on 1 kg to position y [m]: y'' = u - friction(y').
 
-    Friction falls from ``static`` to ``sliding`` [N] within ``stribeck`` [m/s]. It is smooth within
-    ``creep`` [m/s], so that what sticks creeps a little.
+    Friction falls from ``static`` to ``sliding`` [N] within ``stribeck`` [m/s]. It is smooth
+    within ``creep`` [m/s], so that what sticks creeps a little.
     """
 
     order = 2

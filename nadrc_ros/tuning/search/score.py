@@ -161,10 +161,16 @@ class Judge:
         }
 
     def margins(self, settings: ControllerSettings) -> Margins:
-        """Return the margins of the loop with a chain of the nominal b0, and the known delay."""
+        """
+        Return the margins of the loop with a chain of the nominal b0, and the known delay.
+
+        With a table of b0 it is one for which the table is right.
+        """
         plant, rate = self.corners[0].experiment.plant, self.scenario.rate
-        nominal, delay = chain(plant.order, plant.b0), self.scenario.faults.delay(rate)
-        designs = [make_design(each) for each in loops_of(settings)]
+        loops = loops_of(settings)
+        gain = loops[-1].b0 if len(loops[-1].b0_table) > 1 else plant.b0
+        nominal, delay = chain(plant.order, gain), self.scenario.faults.delay(rate)
+        designs = [make_design(each) for each in loops]
         if len(designs) > 1:
             return loop_margins(cascade_loop(designs, nominal, 1.0 / rate, delay), _MARGIN_POINTS)
         return margins(designs[0], nominal, 1.0 / rate, delay, _MARGIN_POINTS)
@@ -269,6 +275,7 @@ def with_gain(settings: ControllerSettings, gain: float) -> ControllerSettings:
     return attrs.evolve(
         settings,
         b0=settings.b0 / gain,
+        b0_table=tuple(v / gain if i % 2 else v for i, v in enumerate(settings.b0_table)),
         command_min=settings.command_min * gain,
         command_max=settings.command_max * gain,
         command_rate_limit=settings.command_rate_limit * gain,

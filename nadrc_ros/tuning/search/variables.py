@@ -121,6 +121,8 @@ def _wanted(
     path, own = f'vary.{name}', _numbers_of(settings)
     if name not in known and name not in own:
         raise UnknownName(path, span, did_you_mean(name, {**own, **known}))
+    if name == 'b0' and len(settings.b0_table) > 1:
+        raise SettingError(path, span or 'no range', 'left out: b0 is in b0_table')
     if span == ():
         if name not in known and own[name] == 0.0:
             raise SettingError(path, 'no range', f'given a range, {name}=low:high')
