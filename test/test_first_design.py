@@ -146,6 +146,8 @@ def test_noise_adds_the_variance_of_the_command_to_the_isu() -> None:
         run(scenario, one, noise=Noise(variance=1e-6, seed=seed)).metrics.isu for seed in range(8)
     ]
     assert expected.isu == runs[1]
+    variance = one.prediction.command_noise**2
+    assert expected.noise_isu == pytest.approx(variance * scenario.duration, rel=1e-9)
     error = np.std(runs) / len(runs) ** 0.5
     assert abs(np.mean(runs) - still - expected.noise_isu) < 4.0 * error
 

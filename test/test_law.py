@@ -277,6 +277,18 @@ def test_only_what_is_unusual_of_an_offset_decays_fast(case: str) -> None:
         assert usual + law.state.offset[0] == pytest.approx(command, abs=1e-9)
 
 
+def test_what_the_law_usually_asks_for_is_without_what_a_transfer_added() -> None:
+    law = Law(design_of(command_min=-500.0, command_max=500.0))
+    for _ in range(2000):
+        law.step([0.0], 0.0, H)
+    match_command(law.design, law.state, 100.0)
+    for _ in range(20):  # the observers take the applied command, and the law asks for 0 still
+        law.u = 0.0
+        law.step([0.0], 0.0, H)
+    assert abs(law.state.offset[0]) > 10.0
+    assert max(map(abs, law.state.smoothed)) < 1e-9
+
+
 @pytest.mark.parametrize('applied', (NAN, INF, 1e16, -INF, -1e16))
 def test_p03_an_applied_command_that_is_no_signal_counts_as_the_safe_one(applied: float) -> None:
     commands = []

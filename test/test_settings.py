@@ -126,6 +126,24 @@ def test_p13_what_does_not_fit_together_is_refused_by_name(
     assert refused.value.name == name
 
 
+@pytest.mark.parametrize(
+    ('values', 'named', 'said'),
+    (
+        ({'measurement_timeout': 0.01}, 'measurement_timeout', 'at least two periods, 0.02 s'),
+        ({'max_dt': 0.01}, 'max_dt', 'at least two periods, 0.02 s at 100 Hz'),
+        ({'max_dt': 0.01, 'measurement_timeout': 0.01}, 'measurement_timeout', 'max_dt = 0.01'),
+    ),
+)
+def test_p13_times_that_are_too_short_for_a_rate_are_named_together(
+    values: dict[str, Any], named: str, said: str
+) -> None:
+    ControllerSettings(measurement_timeout=0.02, max_dt=0.02).check_rate(100.0)
+    with pytest.raises(SettingError, match=named) as refused:
+        ControllerSettings(**values).check_rate(100.0)
+    assert said in str(refused.value)
+    assert ('and so must be' in str(refused.value)) == (len(values) == 2)
+
+
 def test_whole_numbers_lists_and_arrays_are_taken_as_numbers() -> None:
     given: dict[str, Any] = {'pole_ratios': [1, 2, 3], 'fal_gains': array('d', [1.0, 2.0])}
     settings = ControllerSettings(b0=2, **given)

@@ -213,6 +213,18 @@ def test_sampling_with_a_delay(delay: float) -> None:
         zero_order_hold(zero_order_hold(plant, H), H)
 
 
+@pytest.mark.parametrize('delay', (0.0, 0.013, 0.07))
+def test_of_several_inputs_each_is_delayed_as_it_were_alone(delay: float) -> None:
+    a, b = np.array([[0.0, 1.0], [-4.0, -1.0]]), np.array([[0.0, 0.3], [1.0, -2.0]])
+    c, omega = np.eye(2), np.array([0.1, 1.0, 20.0])
+    both = response(zero_order_hold(StateSpace(a, b, c, np.zeros((2, 2))), H, delay), omega)
+    for i in range(2):
+        alone = StateSpace(a, b[:, i : i + 1], c, np.zeros((2, 1)))
+        np.testing.assert_allclose(
+            both[..., i : i + 1], response(zero_order_hold(alone, H, delay), omega), rtol=1e-9
+        )
+
+
 def feedback_response(pid: FilteredPID, omega: Array) -> Complex:
     """Return K(j omega)."""
     s = 1j * omega

@@ -119,6 +119,13 @@ def test_p10_a_slow_loop_allows_for_five_of_its_periods(delay: float, jumps: int
     assert line.times.clock_jumps == jumps
 
 
+def test_p09_a_sample_in_reserve_that_another_overtook_is_counted() -> None:
+    times = SampleTimes(0.005, numbered=False)
+    infos = [{'source_timestamp': t, 'publication_sequence_number': None} for t in (5, 9, 7)]
+    assert times.saw(infos[0], infos[1]) and times.out_of_order == 0
+    assert not times.saw(infos[1], infos[2]) and times.out_of_order == 1
+
+
 def test_p10_a_jump_of_a_clock_that_was_behind_from_the_start_is_seen() -> None:
     line = Line(behind=400.0)
     for number in range(1, 301):
