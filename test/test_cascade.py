@@ -122,6 +122,8 @@ def test_asked_for_the_realised_reference_the_law_gives_the_command_that_the_lim
     state.profile[0] = realised
     if design.error_based:
         state.levels[design.feedback_level][0] += before - realised
+        if design.known:  # a_0 r is a part of what disturbs y - r
+            state.levels[0][design.order] += design.damping[0] * (before - realised)
     raw = raw_command(inner.design, inner.state)
     assert raw_command(design, state) == pytest.approx(
         inner.command, rel=1e-9, abs=1e-9 * max(1.0, abs(raw))

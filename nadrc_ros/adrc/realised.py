@@ -46,6 +46,8 @@ def realised_reference(
         r += missing
     else:
         x, alpha, delta = output_estimate(design, state), design.exponents[0], design.fal_delta
+        if design.known:
+            x -= state.ripple[0]
         r = x + fal_inverse(fal(r - x, alpha, delta) + missing, alpha, delta)
     return min(max(r, LOWEST), HIGHEST)
 
