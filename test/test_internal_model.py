@@ -117,6 +117,24 @@ def test_a_known_vibration_is_gone_from_the_samples(structure: str, n: int) -> N
     assert found[0] < 1e-9 * plain[0] and found[1] < 1e-9 * plain[1]
 
 
+@pytest.mark.parametrize('delay', (2.0 * H, 3.4 * H))
+def test_so_it_is_behind_a_dead_time(delay: float) -> None:
+    """The command is that for the vibration of the time when it arrives."""
+    design = design_of(
+        disturbance_frequencies=(30.0,), input_delay=delay, plant_poles=(-15.0, 0.0), **WIDE
+    )
+    plant, law, ys, late = Shaken((-15.0, 0.0), 30.0), Law(design), [], [0.0] * 5
+    whole = int(delay / H + 1e-9)
+    part = delay - whole * H
+    for _ in range(4000):
+        ys.append(abs(plant.y))
+        late = [law.step([0.0], plant.y, H), *late[:-1]]
+        if part > 1e-9:
+            plant.advance(late[whole + 1], part)
+        plant.advance(late[whole], H - part)
+    assert max(ys[3800:]) < 1e-9 * max(ys)
+
+
 def test_three_vibrations_of_which_one_is_there() -> None:
     design = design_of(disturbance_frequencies=(50.0, 30.0, 11.0), **WIDE)
     assert left(design, (0.0, 0.0), 30.0)[1] < 1e-6

@@ -32,7 +32,7 @@ Gamma D instead of d. ``State.ripple`` is (Pi D, Gamma D - d).
 
 from __future__ import annotations
 
-from math import expm1, sin
+from math import expm1, floor, sin
 
 from nadrc_ros.adrc.angle import whole
 from nadrc_ros.adrc.design import Design, Matrix, Vector
@@ -163,7 +163,8 @@ def place_known(design: Design, dt: float, speed: float, state: State) -> None:
         down /= dt
     if len(design.frequencies) > 0:
         foresee(design, dt, seen, foresight, work)
-    if not (seen and slow):
+    delayed = design.input_delay > 0.0 and len(design.frequencies) > 0
+    if delayed or not (seen and slow):
         exponential(design, dt, True, work)
     for k in range(design.levels):
         size = design.sizes[k]
@@ -309,11 +310,49 @@ def foresee(design: Design, dt: float, seen: bool, foresight: Matrix, work: Matr
             row[size] = dynamics[order + c]
     solve(first, size, work)
     for i in range(order):
-        scale = 1.0  # of the row of Gamma
-        for _ in range(0 if i == order - 1 else order - i - 1):
+        for c in range(count):
+            row = foresight[order if i == order - 1 else i + 1]
+            row[c] = work[first + i * count + c][size]
+    if design.input_delay > 0.0:
+        lead(design, dt, foresight[order], work)
+    for i in range(order + 1):
+        scale = 1.0
+        for _ in range(order - i):
             scale *= dt
         for c in range(count):
-            value = work[first + i * count + c][size] * scale
-            foresight[order if i == order - 1 else i + 1][c] = value
+            foresight[i][c] *= scale
             scale *= dt
     foresight[order][0] -= 1.0
+
+
+def lead(design: Design, dt: float, gains: Vector, work: Matrix) -> None:
+    """
+    Make of Gamma what cancels the vibration that there is when the command arrives.
+
+    Of a delay of m + p periods the observers get (1 - p) u[k-m] + p u[k-m-1] at once, so that
+    Gamma' ((1 - p) S + p) = Gamma S^(m+1).
+    """
+    order, states = design.order, design.states
+    first, count = MATRIX + states, states - order
+    periods = floor(design.input_delay / dt * (1.0 + 1e-12))
+    part = max(design.input_delay / dt - periods, 0.0)
+    for j in range(count):
+        row = work[first + j]
+        for i in range(count):
+            row[i] = (1.0 - part) * work[MATRIX + order + i][order + j]
+        row[j] += 1.0
+        row[count] = gains[j]
+    solve(first, count, work)
+    for j in range(count):
+        gains[j] = work[first + j][count]
+    exponential(design, (periods + 1.0) * dt, False, work)
+    moved, up = work[PRODUCT], 1.0  # in the time of dt
+    for j in range(count):
+        moved[j] = gains[j]
+        scale = up
+        for i in range(count):
+            moved[j] += gains[i] * work[MATRIX + order + i][order + j] * scale
+            scale /= periods + 1.0
+        up *= periods + 1.0
+    for j in range(count):
+        gains[j] = moved[j]

@@ -106,8 +106,8 @@ def vibration_matrix(design: Design, h: float) -> Array:
     """
     Return (Pi; Gamma - (1, 0, ...)), shape (n+1, M): what feedback leaves to known vibrations.
 
-    From Pi S_h = Phi Pi - B Gamma + E with C Pi = 0; 0 in continuous time, where d itself is
-    cancelled, and where nothing is to be seen of a vibration.
+    From Pi S_h = Phi Pi - B Gamma + E with C Pi = 0, Gamma of when a late command arrives; 0 in
+    continuous time, where d itself is cancelled, and where nothing is to be seen of a vibration.
     """
     n, size = design.order, design.sizes[0]
     count = size - n
@@ -121,6 +121,12 @@ def vibration_matrix(design: Design, h: float) -> Array:
     system = np.kron(np.hstack([away, np.zeros((n, 1))]), predict[n:, n:].T)
     system -= np.kron(np.hstack([predict[:n, 1:n], -push[:n, None]]), np.eye(count))
     found = np.linalg.solve(system, predict[:n, n:].ravel()).reshape(n, count) * h**n
+    if design.input_delay > 0.0:
+        whole = int(design.input_delay / h * (1.0 + 1e-12))
+        part = max(design.input_delay / h - whole, 0.0)
+        step = predict[n:, n:]
+        late = np.linalg.inv((1.0 - part) * step + part * np.eye(count))
+        found[-1] = found[-1] @ np.linalg.matrix_power(step, whole + 1) @ late
     left = np.vstack([np.zeros(count), found]) * h ** np.arange(float(count))
     left[:n] /= scale[:n, None]
     left[n] /= h**n
