@@ -186,6 +186,7 @@ def varied_settings() -> dict[str, dict[str, Any]]:
             'structure': 'printed',
             'observer_gain_factor': 0.5,
             'error_based': True,
+            'input_delay': 0.008,
         },
         'vibration-generalized': {
             'disturbance_frequencies': (12.0,),

@@ -56,6 +56,7 @@ def loops(draw: st.DrawFn) -> Any:
         observer_gain_factor=draw(st.sampled_from((1.0, 1.0, 0.5))),
         plant_poles=[wrong * p for p in actual],
         disturbance_frequencies=draw(st.sampled_from(((0.0,), (20.0,), (90.0,), (11.0, 45.0)))),
+        input_delay=draw(st.sampled_from((0.0, 0.0, 2.0 * H, 3.4 * H))),
         **WIDE,
     )
     gain = draw(st.floats(0.3, 4.0))
@@ -66,9 +67,10 @@ def loops(draw: st.DrawFn) -> Any:
 @given(loops())
 def test_stable_by_theory_is_stable_as_it_runs(loop: Any) -> None:
     design, plant = loop
-    distance = abs(loop_growth(design, plant, H) - 1.0)
-    assume(distance > 4e-3)
-    assert simulated_stable(design, plant, H, distance) == (loop_growth(design, plant, H) < 1.0)
+    delay = design.input_delay
+    growth = loop_growth(design, plant, H, delay)
+    assume(abs(growth - 1.0) > 4e-3)
+    assert simulated_stable(design, plant, H, abs(growth - 1.0), delay) == (growth < 1.0)
 
 
 @pytest.fixture(scope='module')

@@ -23,7 +23,7 @@ SPANS = (NAN, INF, -INF, 0.0, -H, 1e-12, 5e-324, 0.1, 10.0, 1e9)
 # Every one of these is a step with a fault: on average every fiftieth.
 RATE = 0.02
 KINDS = ('y', 'dt', 'elapsed', 'reference', 'applied', 'silence', 'enable', 'reset', 'retune')
-# So many objects may be more than at half time: other settings, counters beyond small integers.
+# So many objects may be more than at half time: counters beyond small integers.
 SPARE = 100
 
 
@@ -48,6 +48,7 @@ class Faulty:
         self._chain = Chain(settings.plant_order)
         self._rng = rng
         self._silent = 0
+        self._first = settings
 
     def step(self) -> None:
         """Do one step, at random with a fault, and check the command."""
@@ -88,8 +89,9 @@ class Faulty:
         return spoilt[fault]
 
     def recover(self) -> None:
-        """Let it be well for a while, and check that it is in control."""
+        """Let it be well for a while with its first settings, and check that it is in control."""
         self.controller.enabled = True
+        self.controller.retune(self._first)
         for _ in range(10):
             self.controller.tick(0.1, H, reference=[0.2])
         assert self.controller.mode == Mode.OK
@@ -118,6 +120,7 @@ def test_p20_steps_under_random_faults_leave_nothing_behind(
         if k % 1000 == 0:
             assert bounded(loop.controller.state)
         if k == steps // 2:
+            loop.recover()
             held = objects()
     loop.recover()
     grown = objects() - held
