@@ -15,7 +15,9 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.gain import gain_at
 from nadrc_ros.adrc.settings import ControllerSettings, GAIN_SOURCES
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.records.recorded_run import scheduled
 from nadrc_ros.scenario.mapping import from_mapping
+import numpy as np
 import pytest
 
 H = 0.01
@@ -174,3 +176,15 @@ def test_a_scenario_refuses_a_topic_that_it_has_not() -> None:
     }
     with pytest.raises(SettingError, match='b0_source'):
         from_mapping(values, '.')
+
+
+def test_the_truth_of_a_record_is_for_the_b0_that_was_looked_up() -> None:
+    settings = ControllerSettings(b0=2.0, b0_table=tuple(RIGHT))
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    columns = {'time': time, 'output_estimate': np.array([0.0, 5.0, 20.0, 5.0])}
+    command, truth = np.array([1.0, 2.0, 3.0, 4.0]), np.zeros(4)
+    steps = [(0.0, settings), (2.5, attrs.evolve(settings, b0_table=(0.0,)))]
+    found = scheduled(columns, command, truth, steps)
+    assert found.tolist() == [1.0, -1.0, -6.0, 0.0]
+    unknown = attrs.evolve(settings, b0_source='topic')
+    assert np.isnan(scheduled(columns, command, truth, [(0.0, unknown)])).all()

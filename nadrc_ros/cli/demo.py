@@ -166,7 +166,7 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
     """Read a run with the truth for b0 of the controller, if need be that of the scenario."""
     import attrs
     from nadrc_ros.records.read_run import read_run
-    from nadrc_ros.records.recorded_run import modelled, reached, referred
+    from nadrc_ros.records.recorded_run import modelled, reached, referred, scheduled
 
     run = read_run(folder)
     if run.referred:
@@ -179,6 +179,7 @@ def _recorded(scenario: 'Scenario', name: str, folder: Path) -> 'RecordedRun':
     )
     truth = referred(run.time, acted, run.column('total_disturbance'), plant, gains)
     settings = run.history.controller_settings() or [(0.0, scenario.controllers[name])]
+    truth = scheduled(run.columns, acted, truth, settings)
     truth = modelled(run.time, run.output, truth, settings)
     return attrs.evolve(run, columns=run.columns | {'total_disturbance': truth})
 

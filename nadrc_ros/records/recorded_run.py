@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from math import nan
 from pathlib import Path
@@ -21,6 +21,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 # Share of a log that is not yet settled, where nobody said when it is.
 _UNSETTLED_SHARE = 0.1
+# What b0_source of a controller is among the columns.
+_GAIN_COLUMNS = {'measurement': 'output_estimate', 'reference': 'tracking'}
 
 
 @attrs.frozen(kw_only=True, eq=False, slots=False)
@@ -157,13 +159,16 @@ class RecordedRun:
         """
         Return the truth, y^(n) - b0 u, for b0 of the controller, or of the plant if unknown.
 
-        With known poles of the controller it is that of :func:`modelled`.
+        With known poles of the controller it is that of :func:`modelled`, with a table of b0 that
+        of :func:`scheduled`.
         """
         truth = self.column('total_disturbance')
         if not self.referred:
             return truth
+        settings = self.history.controller_settings()
         truth = referred(self.time, self._acted, truth, *self.gains)
-        return modelled(self.time, self.output, truth, self.history.controller_settings())
+        truth = scheduled(self.columns, self._acted, truth, settings)
+        return modelled(self.time, self.output, truth, settings)
 
     @property
     def _acted(self) -> Array:
@@ -267,6 +272,34 @@ def reached(time: Array, command: Array, delay: float, before: float) -> Array:
         return command
     sent = np.searchsorted(time, time - delay * (1.0 - 1e-9), 'right') - 1
     return np.where(sent < 0, before, command[sent])
+
+
+def scheduled(
+    columns: Mapping[str, Array],
+    command: Array,
+    truth: Array,
+    controllers: Sequence[tuple[float, ControllerSettings]],
+) -> Array:
+    """
+    Return the total disturbance for the b0 that the controller looked up, where it has a table.
+
+    ``command`` is u as it reached the plant, ``truth`` is for the b0 of the settings, which have
+    the times [s] from which they held. What b0 is over was not recorded if it has a topic: then it
+    is not-a-number. How fast b0 may move is left out.
+    """
+    result = np.array(truth)
+    held = sampled(
+        [(start, float(i)) for i, (start, _) in enumerate(controllers)], columns['time']
+    )
+    for i, (_, settings) in enumerate(controllers):
+        table, rows = settings.b0_table, held == i
+        if len(table) > 1:
+            x = columns.get(_GAIN_COLUMNS.get(settings.b0_source, ''), np.full(len(held), nan))
+            if settings.measurement_period > 0.0:
+                x = table[0] + np.mod(x - table[0], settings.measurement_period)
+            gain = np.interp(x[rows], table[::2], table[1::2])
+            result[rows] += (settings.b0 - gain) * command[rows]
+    return result
 
 
 def modelled(

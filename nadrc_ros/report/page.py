@@ -109,8 +109,9 @@ def _which_truth(run: RecordedRun) -> str:
         if np.isfinite(run.column('total_disturbance')).any():
             return (
                 'The true disturbance is not known: with <code>plant_poles</code> it is y<sup>(n)'
-                '</sup> + a<sub>n−1</sub> y<sup>(n−1)</sup> + … − b<sub>0</sub> u, and no record '
-                'has the derivatives of y.'
+                '</sup> + a<sub>n−1</sub> y<sup>(n−1)</sup> + … − b<sub>0</sub> u, with <code>'
+                'b0_source: topic</code> b<sub>0</sub> is another one at each time, and no record '
+                'has the derivatives of y or that b<sub>0</sub>.'
             )
         return 'Nobody published the true disturbance.'
     if run.referred:

@@ -17,7 +17,7 @@ from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.records.history import Event, read_history
-from nadrc_ros.records.recorded_run import modelled, reached, referred
+from nadrc_ros.records.recorded_run import modelled, reached, referred, scheduled
 from nadrc_ros.records.recording import read_samples
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.lockstep import Lockstep
@@ -235,6 +235,7 @@ class RunningLoop:
         acted = reached(time, columns['command'], late.delay, late.before)
         truth = referred(time, acted, columns['total_disturbance'], *self._gains)
         settings = [(0.0, self.controller.controller.settings)]
+        truth = scheduled(columns, acted, truth, settings)
         columns['total_disturbance'] = modelled(time, columns['output'], truth, settings)
         return Result(
             **columns,
