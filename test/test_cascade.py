@@ -159,6 +159,45 @@ def test_p06_ten_seconds_of_inner_saturation_leave_the_outer_loop_as_it_was(
     assert max(run(unaware, 18.0, lambda t: t < 10.0)) > 5.0  # it went on counting
 
 
+@at_least(150)
+@given(
+    st.sampled_from(sorted(CASES)),
+    st.sampled_from([name for name in sorted(CASES) if 'measurement_period' not in CASES[name]]),
+    st.lists(
+        st.tuples(
+            st.one_of(st.floats(-30.0, 30.0), st.floats(allow_nan=True, allow_infinity=True)),
+            st.one_of(st.floats(-30.0, 30.0), st.just(nan)),
+            st.sampled_from([0.0, 0.004, 0.01, 0.01, 0.7]),
+            st.one_of(st.none(), st.floats(-50.0, 50.0), st.just(nan)),
+            st.sampled_from(['', '', '', 'inner off', 'inner on', 'outer off', 'outer on']),
+        ),
+        min_size=5,
+        max_size=40,
+    ),
+)
+def test_p02_whatever_comes_both_loops_stay_inside_their_limits_and_the_inner_has_a_reference(
+    around: str, inside: str, stream: list[tuple[float, float, float, float | None, str]]
+) -> None:
+    settings = {'command_min': -20.0, 'command_max': 30.0} | CASES[around]
+    inner = ControllerSettings(**CASES[inside])
+    cascade = Cascade(CascadeSettings(**settings | {'applied_timeout': 0.0}, inner=inner))
+    for y, v, dt, r, switch in stream:
+        loop, _, on = switch.partition(' ')
+        if loop:
+            cascade.loops[loop == 'inner'].enabled = on == 'on'
+        waiting = cascade.loops[1].mode != Mode.OK
+        cascade.tick([y, v], dt, elapsed=0.01, reference=None if r is None else [r])
+        for each in cascade.loops:
+            assert each.settings.command_min <= each.command <= each.settings.command_max
+        outer, inner_loop = cascade.loops
+        assert inner_loop.reference[0] == outer.command
+        assert outer.sample.followed is not waiting
+        assert not (waiting and outer.mode == Mode.OK)
+        if outer.cause == Cause.NOT_FOLLOWED and outer.mode == Mode.HOLDING and waiting:
+            low, high = outer.settings.command_min, outer.settings.command_max
+            assert outer.command == min(max(outer.sample.applied, low), high)
+
+
 def moving() -> tuple[Cascade, Chain]:
     """Return a cascade in the middle of a long way, at a speed."""
     cascade, plant = Cascade(position(command_min=-3.0, command_max=3.0), checked=True), Chain(2)
@@ -232,6 +271,7 @@ def test_p11_a_cascade_that_starts_in_motion_takes_over_from_there() -> None:
         ({'command_max': 3.0, 'inner_reference_max': 2.0}, 'command_max.*reference_max = 2.0'),
         ({'command_min': -3.0, 'inner_reference_min': -2.0}, 'command_min.*reference_min = -2.0'),
         ({'inner_measurement_period': 6.28}, 'measurement_period = 6.28: must be 0 of the inner'),
+        ({'applied_timeout': 1.0}, 'applied_timeout = 1.0: must be 0'),
     ],
 )
 def test_commands_that_the_inner_loop_would_not_take_are_refused(

@@ -370,12 +370,15 @@ class ControllerSettings:
         ------
         SettingError
             Names the limit of the command, and that ``of`` the inner loop; or its period of an
-            angle.
+            angle, or what is asked of others that the inner loop knows.
 
         """
         if inner.measurement_period > 0.0:
             allowed = f'0 of {of}: it would follow another command than the one that it is given'
             raise SettingError('measurement_period', inner.measurement_period, allowed)
+        if self.applied_timeout > 0.0:
+            allowed = f'0 (off): {of} says what it made of the command'
+            raise SettingError('applied_timeout', self.applied_timeout, allowed)
         if self.command_min < inner.reference_min:
             allowed = f'at least reference_min = {inner.reference_min!r} of {of}'
             raise SettingError('command_min', self.command_min, allowed)
