@@ -13,13 +13,14 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import loads, Scenario
 from nadrc_ros.scenario.parameter_files import node_parameters
-from nadrc_ros.theory.cascade import cascade_loop
+from nadrc_ros.theory.cascade import cascade_loop, laws
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import loop_margins, margins
 from nadrc_ros.theory.system import growth
 from nadrc_ros.tuning.search.score import Corner, Judge, with_gain
 from nadrc_ros.tuning.search.settings import TuneSettings
 from nadrc_ros.tuning.search.variables import designed, first_designs, values_of, variables
+import numpy as np
 import pytest
 import yaml
 
@@ -66,6 +67,22 @@ def test_a_cascade_is_stable_where_theory_says_so(ratio: float, structure: str) 
     assert (grew < 1.0) == (rate < 1.0)
     if rate > 1e-6:  # what decays faster is the sum of several modes
         assert 0.1 * rate < grew < 10.0 * rate
+
+
+@pytest.mark.parametrize('structure', ['conventional', 'nested', 'cascade'])
+def test_the_laws_in_a_row_give_the_commands_of_the_cascade(structure: str) -> None:
+    innermost = ControllerSettings(**loop(30.0, structure))
+    middle = CascadeSettings(**loop(9.0, structure), inner=innermost)
+    settings = CascadeSettings(**loop(3.0, structure), inner=middle)
+    system = laws([make_design(each) for each in loops_of(settings)], H)
+    real, state = Cascade(settings, checked=True), np.zeros(len(system.a))
+    rng = np.random.default_rng(4)
+    for k in range(300):
+        seen = rng.normal(size=3) if k > 4 else np.zeros(3)  # until all are in control
+        u = real.tick(seen.tolist(), H, reference=[0.0])
+        expected = float(system.c[0] @ state + system.d[0] @ seen)
+        state = system.a @ state + system.b @ seen
+        assert u == pytest.approx(expected, rel=1e-8, abs=1e-6)
 
 
 def test_the_margins_of_a_cascade_are_where_it_becomes_unstable() -> None:

@@ -31,7 +31,7 @@ def cascade_loop(
     late = int(delay / h * (1.0 + 1e-12))
     p = zero_order_hold(plant, h, max(delay - late * h, 0.0))
     measured = np.cumsum([0, *(design.order for design in designs[:-1])])
-    law = _laws(designs, h)
+    law = laws(designs, h)
     seen = np.eye(len(p.a))[measured]
     a = np.block([[p.a, np.zeros((len(p.a), len(law.a)))], [law.b @ seen, law.a]])
     b = np.concatenate([p.b, np.zeros((len(law.a), 1))])
@@ -46,7 +46,7 @@ def cascade_loop(
     return Loop(StateSpace(a, b, c, none, h), through, late, 0, 0.0, closed)
 
 
-def _laws(designs: Sequence[Design], h: float) -> StateSpace:
+def laws(designs: Sequence[Design], h: float) -> StateSpace:
     """Return (y, what the inner loops measure) -> command, references zero."""
     count = len(designs)
     a, b = np.zeros((0, 0)), np.zeros((0, count))
