@@ -8,7 +8,7 @@ SHELL := bash
 
 PYTHON ?= python3
 ARGS ?=
-BENCHES := step simulate batch ros_latency axes start_up robustness identify path wiring
+BENCHES := step simulate batch ros_latency axes start_up robustness identify path wiring reference
 MIN_TESTS := 3841# `make test` fails when fewer are collected, without test/ros; when there are more it says what to write here
 VENV := .venv
 PY := $(VENV)/bin/python

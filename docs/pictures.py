@@ -28,6 +28,7 @@ PAGES: dict[str, tuple[float, float]] = {
     'cascade': (0.0, 7.0),
     'known_dynamics': (0.0, 2.5),
     'vibration': (0.0, 2.0),
+    'reference': (0.2, 2.8),
 }
 
 

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
-from math import pi, sin, sqrt, tanh
-import random
+from math import pi, sin
 from typing import Any
 
 import attrs
+from bench.reference import (
+    arm,
+    arm_settings,
+    H,
+    noise,
+    NOISY,
+    Sender,
+    sender,
+    SENDERS,
+    SWING,
+    WAYS,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import at_least, Chain, INF, NAN
@@ -16,72 +26,9 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.reference import blank_memory, estimated, follow
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
-from nadrc_ros.simulation.protocols import Signal
-from nadrc_ros.simulation.signals import Ramp, Sine, Step, Trapezoid
+from nadrc_ros.simulation.signals import Ramp, Step
 import pytest
 
-RATE = 200.0
-H = 1.0 / RATE
-MOVE = Trapezoid(velocity=0.8, acceleration=2.0, start_time=0.5)
-SWING = Sine(amplitude=0.5, frequency=pi, start_time=0.5)
-GRAIN = 2.0 / 4096.0
-
-# Called with the number of the tick: r, r', r'' of a new sample, or None.
-Sender = Callable[[int], list[float] | None]
-
-
-def sender(
-    signal: Signal, *, every: int = 1, grain: float = 0.0, noise: float = 0.0, held: bool = False
-) -> Sender:
-    """Send each so many ticks, or what was sent last at each tick."""
-    rng, sent = random.Random(1), [0.0, 0.0, 0.0]
-
-    def send(k: int) -> list[float] | None:
-        nonlocal sent
-        if k % every:
-            return list(sent) if held else None
-        sent = [0.0, 0.0, 0.0]
-        signal.derivatives(k * H, sent)
-        if noise:
-            sent[0] += rng.gauss(0.0, noise)
-        if grain:
-            sent[0] = round(sent[0] / grain) * grain
-        return list(sent)
-
-    return send
-
-
-def arm(settings: ControllerSettings, signal: Signal, send: Sender, known: bool) -> float:
-    """
-    Return the RMS distance of an arm from a signal that is published with derivatives or alone.
-
-    It has gravity, friction that sticks, a coarse encoder and 1.3 times the b0 of the settings.
-    """
-    n = settings.plant_order
-    controller, x, r, total = Controller(settings, checked=True), [0.0] * n, [0.0], 0.0
-    for k in range(800):
-        sent = send(k)
-        reference = None if sent is None else sent if known else sent[:1]
-        u = controller.tick(round(x[0] / GRAIN) * GRAIN, H, reference=reference)
-        signal.derivatives(k * H, r)
-        total += (r[0] - x[0]) ** 2
-        for _ in range(10):
-            push = 1.3 * settings.b0 * u - x[-1] - 10.0 * sin(x[0]) - tanh(x[-1] / 0.01)
-            for i in range(n - 1):
-                x[i] += 0.1 * H * x[i + 1]
-            x[-1] += 0.1 * H * push
-    return sqrt(total / 800)
-
-
-SENDERS: dict[str, tuple[Signal, dict[str, Any]]] = {
-    'trapezoid': (MOVE, {}),
-    'sine': (SWING, {}),
-    'trapezoid, 12 bit': (MOVE, {'grain': GRAIN}),
-    'sine, 12 bit': (SWING, {'grain': GRAIN}),
-    'trapezoid at 20 Hz': (MOVE, {'every': 10}),
-    'joystick at 20 Hz': (SWING, {'every': 10, 'grain': GRAIN}),
-    'joystick at 20 Hz, sent on': (SWING, {'every': 10, 'grain': GRAIN, 'held': True}),
-}
 # Of order 3 the command follows the acceleration with a gain: there coarse samples cost more.
 WITHIN = {1: 1.2, 2: 2.0, 3: 2.5}
 
@@ -90,17 +37,11 @@ WITHIN = {1: 1.2, 2: 2.0, 3: 2.5}
 @pytest.mark.parametrize('name', SENDERS)
 def test_it_is_followed_as_with_true_derivatives(name: str, n: int) -> None:
     signal, how = SENDERS[name]
-    topics = ControllerSettings(
-        plant_order=n,
-        b0=4.0,
-        inner_bandwidth=30.0 if n == 3 else 48.0,
-        outer_bandwidth=15.0 if n == 3 else 24.0,
-        controller_bandwidth=5.0 if n == 3 else 8.0,
-        reference_derivatives='topics',
+    true, alone = (
+        arm(arm_settings(n, reference_derivatives=source), signal, sender(signal, **how))[0]
+        for source in ('topics', 'auto')
     )
-    alone = attrs.evolve(topics, reference_derivatives='auto')
-    true = arm(topics, signal, sender(signal, **how), known=True)
-    assert arm(alone, signal, sender(signal, **how), known=False) < WITHIN[n] * true
+    assert alone < WITHIN[n] * true
 
 
 def loop(source: str, send: Sender, n: int, ticks: int) -> tuple[list[float], list[float]]:
@@ -139,27 +80,10 @@ def test_noise_of_a_reference_that_rests_stays_what_it_is(n: int) -> None:
 
 
 def test_noise_of_one_that_moves_costs_less_than_to_observe_the_error() -> None:
-    rough, smooth = (sender(Ramp(), noise=noise) for noise in (1e-3, 0.0))
-
-    def spread(**settings: Any) -> float:
-        controllers = [Controller(ControllerSettings(**settings), checked=True) for _ in range(2)]
-        chains, total = (Chain(2), Chain(2)), 0.0
-        for k in range(1500):
-            u = [
-                c.tick(chain.y, H, reference=(send(k) or [])[:1])
-                for c, chain, send in zip(controllers, chains, (rough, smooth), strict=True)
-            ]
-            for chain, each in zip(chains, u, strict=True):
-                chain.advance(each, H)
-            total += (u[0] - u[1]) ** 2 if k > 500 else 0.0
-        return total
-
     none, auto, error = (
-        spread(reference_derivatives='none'),
-        spread(),
-        spread(error_based=True),
+        noise(WAYS[way], 2, NOISY['noise of a ramp']) for way in ('none', 'auto', 'error_based')
     )
-    assert auto < 2.5**2 * none and error > 8.0**2 * none
+    assert auto < 1.1 * none and error > 10.0 * none
 
 
 def test_a_clean_reference_has_its_derivatives_after_three_samples() -> None:

@@ -1,0 +1,149 @@
+"""
+A reference that comes alone: what each way to its derivatives is worth, as docs/reference.md says.
+
+    python -m bench.reference
+
+Keys: ``reference.<order>.<way>.<sender>`` the RMS distance of an arm from what is published
+[1e-3 rad]; ``.noise at rest``, ``.noise of a ramp`` and ``.noise of a sine`` the noise of the
+command under a noisy reference, over that without derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi, sin, sqrt, tanh
+import random
+from typing import Any
+
+from bench.results import save, show
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.simulation.protocols import Signal
+from nadrc_ros.simulation.signals import Ramp, Sine, Trapezoid
+
+RATE = 200.0
+H = 1.0 / RATE
+MOVE = Trapezoid(velocity=0.8, acceleration=2.0, start_time=0.5)
+SWING = Sine(amplitude=0.5, frequency=pi, start_time=0.5)
+GRAIN = 2.0 / 4096.0
+SENDERS: dict[str, tuple[Signal, dict[str, Any]]] = {
+    'trapezoid': (MOVE, {}),
+    'sine': (SWING, {}),
+    'trapezoid, 12 bit': (MOVE, {'grain': GRAIN}),
+    'sine, 12 bit': (SWING, {'grain': GRAIN}),
+    'trapezoid at 20 Hz': (MOVE, {'every': 10}),
+    'joystick at 20 Hz': (SWING, {'every': 10, 'grain': GRAIN}),
+    'joystick at 20 Hz, sent on': (SWING, {'every': 10, 'grain': GRAIN, 'held': True}),
+}
+NOISY: dict[str, Signal] = {
+    'noise at rest': Ramp(slope=0.0),
+    'noise of a ramp': Ramp(slope=0.5),
+    'noise of a sine': SWING,
+}
+WAYS: dict[str, dict[str, Any]] = {
+    'topics': {'reference_derivatives': 'topics'},
+    'auto': {},
+    'error_based': {'error_based': True},
+    'none': {'reference_derivatives': 'none'},
+}
+
+# Called with the number of the tick: r, r', r'' of a new sample, or None.
+Sender = Callable[[int], 'list[float] | None']
+
+
+def sender(
+    signal: Signal, *, every: int = 1, grain: float = 0.0, noise: float = 0.0, held: bool = False
+) -> Sender:
+    """Send each so many ticks, or what was sent last at each tick."""
+    rng, sent = random.Random(1), [0.0, 0.0, 0.0]
+
+    def send(k: int) -> list[float] | None:
+        nonlocal sent
+        if k % every:
+            return list(sent) if held else None
+        sent = [0.0, 0.0, 0.0]
+        signal.derivatives(k * H, sent)
+        if noise:
+            sent[0] += rng.gauss(0.0, noise)
+        if grain:
+            sent[0] = round(sent[0] / grain) * grain
+        return list(sent)
+
+    return send
+
+
+def arm_settings(order: int, **way: Any) -> ControllerSettings:
+    """Return settings of an arm, position or speed of which is measured, or a soft one."""
+    wc = 5.0 if order == 3 else 8.0
+    return ControllerSettings(
+        plant_order=order,
+        b0=4.0,
+        inner_bandwidth=6.0 * wc,
+        outer_bandwidth=3.0 * wc,
+        controller_bandwidth=wc,
+        **way,
+    )
+
+
+def arm(settings: ControllerSettings, signal: Signal, send: Sender) -> tuple[float, list[float]]:
+    """
+    Return the RMS distance of an arm from a signal, and the commands.
+
+    It has gravity, friction that sticks, a coarse encoder and 1.3 times the b0 of the settings.
+    """
+    n = settings.plant_order
+    controller, x, r, total = Controller(settings, checked=True), [0.0] * n, [0.0], 0.0
+    known = None if settings.reference_derivatives == 'topics' else 1
+    commands = []
+    for k in range(800):
+        sent = send(k)
+        u = controller.tick(round(x[0] / GRAIN) * GRAIN, H, reference=sent and sent[:known])
+        commands.append(u)
+        signal.derivatives(k * H, r)
+        total += (r[0] - x[0]) ** 2
+        for _ in range(10):
+            push = 1.3 * settings.b0 * u - x[-1] - 10.0 * sin(x[0]) - tanh(x[-1] / 0.01)
+            for i in range(n - 1):
+                x[i] += 0.1 * H * x[i + 1]
+            x[-1] += 0.1 * H * push
+    return sqrt(total / 800), commands
+
+
+def noise(way: dict[str, Any], order: int, signal: Signal, ticks: int = 2000) -> float:
+    """Return how much of the noise of a reference is in the command of an integrator chain."""
+    commands = []
+    for deviation in (1e-3, 0.0):
+        controller = Controller(arm_settings(order, **way), checked=True)
+        send, x, u = sender(signal, noise=deviation), [0.0] * order, []
+        for k in range(ticks):
+            u.append(controller.tick(x[0], H, reference=(send(k) or [])[:1]))
+            for i in range(order - 1):
+                x[i] += H * x[i + 1]
+            x[-1] += H * 4.0 * u[-1]
+        commands.append(u[ticks // 2 :])
+    return sqrt(sum((a - b) ** 2 for a, b in zip(*commands, strict=True)))
+
+
+def figures(order: int, way: dict[str, Any]) -> dict[str, float]:
+    """Return the figures of one way."""
+    settings = arm_settings(order, **way)
+    found = {
+        name: 1e3 * arm(settings, signal, sender(signal, **how))[0]
+        for name, (signal, how) in SENDERS.items()
+    }
+    for name, signal in NOISY.items():
+        found[name] = noise(way, order, signal) / noise(WAYS['none'], order, signal)
+    return found
+
+
+def main(orders: tuple[int, ...] = (1, 2, 3), **where: Any) -> None:
+    """Compare the ways."""
+    found = {order: {name: figures(order, way) for name, way in WAYS.items()} for order in orders}
+    save('reference', {str(order): each for order, each in found.items()}, {}, **where)
+    for order, each in found.items():
+        turned = {key: {way: row[key] for way, row in each.items()} for key in each['auto']}
+        show(f'order {order}: RMS error [1e-3], noise over that of none', turned, '')
+
+
+if __name__ == '__main__':
+    main()
