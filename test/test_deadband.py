@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from math import copysign
+import random
 from typing import Any
 
 import attrs
-from law_helpers import Chain, NAMES, NAN, noise, run_chain, varied_settings
+from hypothesis import given
+from hypothesis import strategies as st
+from law_helpers import at_least, Chain, NAMES, NAN, noise, run_chain, varied_settings
 from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -201,3 +204,29 @@ def test_without_it_the_state_knows_nothing_of_rest() -> None:
         controller = Controller(ControllerSettings(structure=name), checked=True)
         for _ in run_chain(controller, 300):
             assert not controller.resting
+
+
+@at_least(60)
+@given(
+    st.sampled_from(sorted(varied_settings())),
+    st.floats(0.5, 3.0),
+    st.integers(0, 1000),
+    st.lists(st.tuples(st.integers(1, 60), st.floats(-1.0, 1.0)), min_size=1, max_size=5),
+)
+def test_at_rest_no_bit_of_the_command_changes_and_neither_end_is_a_bump(
+    case: str, band: float, seed: int, pushes: list[tuple[int, float]]
+) -> None:
+    """Whatever the plant does, with samples that are missing."""
+    settings = ControllerSettings(**varied_settings()[case] | {'error_deadband': band})
+    controller = Controller(settings, checked=True)
+    y, rng, before, rested = 0.0, random.Random(seed), 0.0, False
+    for count, speed in pushes:
+        for _ in range(count):
+            y += speed * H + 0.01 * rng.gauss(0.0, 1.0)
+            there = rng.random() > 0.1
+            u = controller.tick(y if there else NAN, H if there else 0.0, elapsed=H, reference=[0])
+            if controller.mode == Mode.OK and (rested or controller.resting):
+                if rested and controller.resting:
+                    assert u.hex() == before.hex()
+                assert u == pytest.approx(before, abs=1e-9)
+            rested, before = controller.resting, u

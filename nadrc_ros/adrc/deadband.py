@@ -27,7 +27,7 @@ def mind_deadband(
     design: Design,
     state: State,
     reference: Vector,
-    applied: float,
+    sent: float,
     acting: float,
     dt: float,
     out: State,
@@ -41,9 +41,9 @@ def mind_deadband(
         |e| + |e'| / wc + |b0 (u - usual)| / wc^n:
 
     not on the way through, and not at a peak of the command u, what is usual being smoothed with
-    the controller bandwidth wc. That u, which is ``applied``, is held. Rest ends, first with the
-    held command, once |e| exceeds the deadband, the reference moves, or the limits exclude that
-    command.
+    the controller bandwidth wc. That u, which was ``sent`` last, is held; a feed-forward is still
+    added. Rest ends, first with the held command, once |e| exceeds the deadband, the reference
+    moves, or the limits exclude that command.
     """
     error = reference[0] - output_estimate(design, out)
     still = True
@@ -66,13 +66,13 @@ def mind_deadband(
     out.resting[3] = state.resting[3] + dt
     if out.resting[3] * design.controller_bandwidth < _PATIENCE:
         return
-    driving = applied - state.feed_forward[0]
+    driving = sent - state.feed_forward[0]
     away = abs(state.gain[0] * (driving - state.smoothed[0]))
     for _ in range(design.order - 1):
         away /= design.controller_bandwidth
     away = abs(error) + (abs(_speed(design, acting, out)) + away) / design.controller_bandwidth
     if away < half:
-        _hold(clamp(design, applied) - state.feed_forward[0], out)
+        _hold(clamp(design, sent) - state.feed_forward[0], out)
 
 
 def _hold(command: float, out: State) -> None:

@@ -151,7 +151,7 @@ def step(
     if design.gain_source > 0:
         follow_gain(design, state, gain_variable, acting, dt, out)
     if design.error_deadband > 0.0:
-        mind_deadband(design, state, reference, applied, acting, dt, out)
+        mind_deadband(design, state, reference, sent, acting, dt, out)
     raw = raw_command(design, out)
     if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
         return _restart(
