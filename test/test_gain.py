@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import deepcopy
+from math import nextafter
+from statistics import mean, stdev
 from typing import Any
 
 import attrs
@@ -30,6 +32,11 @@ def test_the_table_is_linear_between_its_points_and_constant_beyond() -> None:
     table = [0.0, 2.0, 1.0, 4.0, 3.0, 1.0]
     given = (-1e15, 0.0, 0.25, 1.0, 2.0, 2.5, 3.0, 1e15)
     assert [gain_at(table, x) for x in given] == [2.0, 2.0, 2.5, 4.0, 2.5, 1.75, 1.0, 1.0]
+
+
+def test_rounding_leads_no_further_than_its_ends() -> None:
+    assert gain_at([0.0, 1e15, 1.0, 1e-15], nextafter(1.0, 0.0)) >= 1e-15
+    assert gain_at([0.0, 0.1, 3.0, 0.1], 1.0) == 0.1
 
 
 def tables() -> st.SearchStrategy[list[float]]:
@@ -148,6 +155,23 @@ def test_over_a_plant_whose_gain_varies_the_loop_is_everywhere_that_of_a_constan
         off[level] = max(abs(a - b) for a, b in zip(errors, wanted))
     assert worst < 5e-4
     assert off[0.0] > 5e-3 > off[9.0]
+
+
+def test_what_b0_is_over_may_move_and_be_noisy_without_moving_the_command() -> None:
+    """With a quarter of noise in b0 the command under a load has 5 % more of it at most."""
+    settings = ControllerSettings(b0=2.0, b0_table=(0.0, 1.0, 4.0, 5.0), b0_source='topic')
+    still = []
+    for deviation in (0.0, 1.0):
+        controller, chain, told = Controller(settings, checked=True), Chain(2), noise(3, 1500)
+        commands = []
+        for k, error in enumerate(noise(4, 1500, 1e-4)):
+            x = 1.0 + deviation * told[k]
+            u = controller.tick(chain.y + error, H, reference=[0.0], gain_variable=x)
+            chain.advance(2.0 * u + 20.0, H)
+            commands.append(u)
+        still.append(stdev(commands[500:]))
+        assert mean(commands[500:]) == pytest.approx(-10.0, abs=0.01)
+    assert still[0] < still[1] < 1.05 * still[0]
 
 
 def test_p12_a_live_change_of_the_table_is_no_bump() -> None:

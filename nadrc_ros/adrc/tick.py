@@ -130,7 +130,7 @@ def _without_sample(
     """Return the command of a tick without a sample: held, or still on its way to the last one."""
     fed = feed_forward != state.feed_forward[0]
     state.feed_forward[0] = feed_forward
-    if design.command_rate_limit > 0.0 or state.resting[0] > 0.0 or fed:
+    if design.command_rate_limit > 0.0 or fed:
         raw = raw_command(design, state)
         if isfinite(raw):
             return limit(design, raw, sent, elapsed, downstream)[0]
