@@ -46,11 +46,11 @@ _RESOLUTION, _SLACK = 1e-10, 1e-6
 # What is remembered, by place: times since the sample last used, since the last sample, and since
 # the last change; their usual spacing, -1 at rest and 0 after the first change; the samples so
 # far; the largest change of the first ones; the variance of their noise; what the last one was
-# off, and what it spanned.
-_SINCE, _SILENT, _STILL, _SPACING, _COUNT, _LARGEST, _NOISE, _EXCESS, _SPAN = range(9)
+# off, what it spanned, and how much of it was a step.
+_SINCE, _SILENT, _STILL, _SPACING, _COUNT, _LARGEST, _NOISE, _EXCESS, _SPAN, _STEP = range(10)
 # r, r', r'' as followed; the sample last used; ages and values of those before; their count.
-_PLACE, _RATE, _ACCELERATION, _LAST, _AGES, _VALUES, _KNOWN = 9, 10, 11, 12, 13, 16, 19
-_FILTERS = 20
+_PLACE, _RATE, _ACCELERATION, _LAST, _AGES, _VALUES, _KNOWN = 10, 11, 12, 13, 14, 17, 20
+_FILTERS = 21
 _MEMORY = _FILTERS + 3 * len(_PACES)
 
 
@@ -107,7 +107,7 @@ def follow(design: Design, memory: Vector, r: float, came: bool, elapsed: float)
 
 
 def _rest(memory: Vector, r: float) -> None:
-    memory[_SINCE] = memory[_STILL] = memory[_EXCESS] = memory[_SPAN] = 0.0
+    memory[_SINCE] = memory[_STILL] = memory[_EXCESS] = memory[_SPAN] = memory[_STEP] = 0.0
     memory[_RATE] = memory[_ACCELERATION] = 0.0
     memory[_SPACING] = -1.0
     memory[_PLACE] = memory[_LAST] = memory[_VALUES] = r
@@ -159,7 +159,8 @@ def _use(design: Design, memory: Vector, r: float) -> None:
     step = 0.0
     if abs(excess) > allowed:
         step = excess - copysign(allowed, excess)
-    memory[_EXCESS], memory[_SPAN] = excess, dt
+    sure = sure and memory[_STEP] == 0.0
+    memory[_EXCESS], memory[_SPAN], memory[_STEP] = excess, dt, step
 
     # Each filter counts by what it adds to the command: wc r' + (n - 1) / 2 r'', over n wc^(n-2).
     wc, share = design.controller_bandwidth, 0.5 * (design.order - 1)
