@@ -14,10 +14,12 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.records.step_trace import replay, TraceWriter
+from nadrc_ros.scenario.files import load
 import pytest
 
 H = 0.01
 FOREIGN = 7.3
+EXAMPLES = Path(__file__).parents[1] / 'examples' / 'loops'
 CASES = varied_settings()
 
 
@@ -225,3 +227,11 @@ def test_p18_a_run_with_reports_and_feed_forward_is_replayed(tmp_path: Path) -> 
     pairs = list(replay(path))
     assert len(pairs) == 300 and all(recorded == again for recorded, again in pairs)
     assert len(set(pairs)) > 200
+
+
+def test_a_scenario_with_a_limit_downstream_shows_what_a_report_is_worth() -> None:
+    scenario = load(EXAMPLES / 'applied.yaml')
+    runs = {name: scenario.run(name) for name in scenario.controllers}
+    over = {name: run.output.max() - 6.0 for name, run in runs.items()}
+    assert over['reported'] == pytest.approx(over['own_limits'], rel=1e-9)
+    assert over['unknown'] > 3.0 * over['own_limits']

@@ -174,6 +174,7 @@ def test_faults_act_one_after_the_other() -> None:
     [
         ('stuck', 1.0, [3.0, 3.0, 3.0, 3.0]),
         ('reversed', 1.0, [-3.0, -4.0, -5.0, -6.0]),
+        ('limited', 4.5, [3.0, 4.0, 4.5, 4.5]),
         ('rate_limited', 25.0, [3.0, 3.25, 3.5, 3.75]),
         ('gain', 0.3, [0.3 * k for k in (3.0, 4.0, 5.0, 6.0)]),
     ],
@@ -241,6 +242,7 @@ BACK |= {'stuck': 10.0, 'spike': 2.0, 'clock_jump': 1.0}
 BACK_FROM_ACTUATOR = {
     ('stuck', 1.0): 2.0,
     ('reversed', 1.0): 6.0,
+    ('limited', 0.5): 3.0,
     ('rate_limited', 2.0): 2.0,
     ('gain', 0.3): 0.5,
     ('gain', 3.0): 0.5,

@@ -88,13 +88,17 @@ class Cascade:
         elapsed: float | None = None,
         age: float = 0.0,
         reference: Sequence[float | None] | None = None,
+        applied: float | None = None,
+        feed_forward: float | None = None,
     ) -> float:
         """
         Advance all loops by one tick and return the command of the innermost one.
 
         As :meth:`~nadrc_ros.adrc.controller.Controller.tick`, with one measurement for each loop,
-        the outermost first, and one ``dt`` for all of them or for each.
+        the outermost first, and one ``dt`` for all of them or for each. ``applied`` and
+        ``feed_forward`` are of the innermost one.
         """
+        last = len(self.loops) - 1
         for i, loop in enumerate(self.loops):
             loop.tick(
                 measurements[i] if measurements else nan,
@@ -102,6 +106,8 @@ class Cascade:
                 elapsed=elapsed,
                 age=age,
                 reference=reference,
+                applied=applied if i == last else None,
+                feed_forward=feed_forward if i == last else None,
             )
             reference = [loop.command, 0.0, 0.0]  # what feeds back has no feed-forward
         return self.loops[-1].command

@@ -14,8 +14,8 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant import PlantSettings
 from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
 from nadrc_ros.records.recording import topic_of
-from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
-from nadrc_ros.ros.topics import reference_topics
+from nadrc_ros.ros.signal_parameters import DISTURBANCE, FEED_FORWARD, NOISE_SIGNAL, REFERENCE
+from nadrc_ros.ros.topics import APPLIED_TOPIC, FEED_FORWARD_TOPIC, reference_topics
 from nadrc_ros.scenario import PLANT, Scenario, ScenarioError
 from nadrc_ros.scenario.parameter_files import controller_parameters, Parameters
 from nadrc_ros.scenario.user_code import class_fields
@@ -40,6 +40,7 @@ def node_parameters(
         'initial_state': list(scenario.initial_state),
         'input_delay': scenario.input_delay,
         'safe_command': settings.safe_command,
+        'report_applied': settings.applied_timeout > 0.0,
         'command_timeout': command_timeout(scenario.rate),
         'noise_variance': scenario.noise.variance,
         'noise_sample_time': scenario.noise.sample_time,
@@ -54,6 +55,7 @@ def node_parameters(
         'plant': plant,
         'reference': {
             **REFERENCE.of(scenario.reference),
+            **FEED_FORWARD.of(scenario.feed_forward),
             'alone': scenario.reference_alone,
             'sample_rate': scenario.reference_rate,
         },
@@ -135,6 +137,10 @@ def expected_readers(
     topics[paced][1].append('reference')
     for topic in reference_topics(settings)[1:]:
         topics[topic] = ('reference', ['controller'])
+    if settings.applied_timeout > 0.0:
+        topics[APPLIED_TOPIC] = ('plant', ['controller'])
+    if settings.feed_forward_timeout > 0.0:
+        topics[FEED_FORWARD_TOPIC] = ('reference', ['controller'])
     for topic in map(topic_of, recorded(settings)):
         topics.setdefault(topic, (topic.partition('/')[0], []))[1].append('recorder')
     return topics

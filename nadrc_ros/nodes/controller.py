@@ -20,6 +20,7 @@ from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates, loop_values
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
+from nadrc_ros.nodes.optional_inputs import OptionalInputs
 from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.records.step_trace import TraceWriter
 from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
@@ -28,7 +29,7 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import run
-from nadrc_ros.ros.topics import GAIN_TOPIC, Info, reference_topics
+from nadrc_ros.ros.topics import Info, reference_topics
 from nadrc_ros.ros.wiring_parameters import Wiring
 from std_srvs.srv import SetBool
 
@@ -44,7 +45,6 @@ class ControllerNode(LiveNode):
     A tick without a new measurement holds the command, or lets it go on at the rate limit, and
     leaves the observers as they are; the next sample's time step spans the gap. The command is
     sent before anything else is done with it.
-
     """
 
     default_name = 'controller'
@@ -70,9 +70,8 @@ class ControllerNode(LiveNode):
         self._reference: list[float | None] = [None] * len(references)
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = self._idle = 0
-        self._stopping = False
+        self._stopping = self._silent_at_stop = False
         self._silent = self.controller.quiet
-        self._silent_at_stop = False
         self.latencies = Latencies()
         self._mode_log = ModeLog(self.controller.mode, self.controller.cause)
         self.trace: TraceWriter | None = None
@@ -80,9 +79,7 @@ class ControllerNode(LiveNode):
         self._wiring.add_input('measurement', self._on_measurement, silence=WARN, regular=True)
         for i, topic in enumerate(references):
             self._wiring.add_input(topic, partial(self._on_reference, i), silence=None)
-        if settings.b0_source == 'topic':
-            take = self.controller.take_gain_variable
-            self._wiring.add_input(GAIN_TOPIC, lambda value, _: take(value), silence=WARN)
+        self._optional = OptionalInputs(self._wiring, self.controller, self.pacing.period)
         self._sample_ticker: SampleTicker | None = None
         if not in_lockstep:
             rate, by_timer = self.pacing.rate, self._loop.trigger == 'timer'
@@ -97,7 +94,7 @@ class ControllerNode(LiveNode):
                 self.inputs[0].skipped = self._sample_ticker.skip
             self._wiring.flush_after(self.timer)
             self._times = self._wiring.sample_times(self.pacing.period)
-            self._now = self.ticker.now
+            self._now = self._optional.now = self.ticker.now
             self._ticked = self._now()
             doubts = Doubts(self.controller, rate, self._parameter_overrides, self.remarks)
             expected = self.inputs[1 : 1 + len(references)]
@@ -230,6 +227,7 @@ class ControllerNode(LiveNode):
 
     def on_samples(self, values: list[float]) -> None:
         """Do one tick of lockstep."""
+        self._optional.take_from(values)
         measurement, reference, *derivatives = values
         known = [None if isnan(value) else value for value in derivatives]
         period = self.pacing.period
@@ -246,7 +244,9 @@ class ControllerNode(LiveNode):
         """Let the controller tick with a sample, or with nan, and send what comes of it."""
         controller = self.controller
         applied, settings = controller.command, controller.settings
-        command = controller.tick(measurement, dt, elapsed=elapsed, age=age, reference=reference)
+        command = controller.tick(
+            measurement, dt, elapsed=elapsed, age=age, reference=reference, **self._optional.take()
+        )
         silent = self._rivals.mute or (self._silent and controller.quiet)
         if not silent or self.lockstep is not None:
             self._command.send(command, self._wiring.stamp)

@@ -24,6 +24,10 @@ def loop_values(controller: Controller) -> dict[str, object]:
     }
     if len(controller.settings.b0_table) > 1:
         values['b0'] = controller.b0
+    if controller.settings.applied_timeout > 0.0:
+        values['applied'] = 'reported' if controller.sample.applied_age >= 0.0 else 'own'
+    if controller.settings.feed_forward_timeout > 0.0:
+        values['feed_forward'] = controller.sample.feed_forward
     if controller.settings.error_deadband > 0.0:
         values['resting'] = controller.resting
     return values

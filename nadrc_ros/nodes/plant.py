@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan
 import time
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, choice, Declared, declared, number, numbers, text
+from nadrc_ros.adrc.fields import (
+    build,
+    choice,
+    Declared,
+    declared,
+    flag,
+    number,
+    numbers,
+    text,
+)
 from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
 from nadrc_ros.ros.diagnostics import ERROR, OK, Report, WARN
 from nadrc_ros.ros.node import LiveNode
@@ -16,7 +25,7 @@ from nadrc_ros.ros.pacing import SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.signal_parameters import behind, DISTURBANCE, NOISE_SIGNAL, without
-from nadrc_ros.ros.topics import Info
+from nadrc_ros.ros.topics import APPLIED_TOPIC, Info
 from nadrc_ros.scenario.specs import PLANT, PlantSpec
 from nadrc_ros.scenario.user_code import class_fields
 from nadrc_ros.simulation.faults import (
@@ -80,6 +89,9 @@ class PlantSettings:
     )
     safe_command: float = number(
         0.0, LOWEST, HIGHEST, 'command unit', 'command the plant uses while none comes'
+    )
+    report_applied: bool = flag(
+        False, 'whether what the actuator makes of commands is sent on applied', live=False
     )
 
 
@@ -151,6 +163,8 @@ class PlantNode(LiveNode):
         self._timeouts = 0
         self._newest = 0
         self.add_input('command', self._on_command)
+        self._acting = nan  # until something does
+        self._applied = self.add_output(APPLIED_TOPIC) if settings.report_applied else None
         self._measurement = self.add_output('measurement')
         self._output = self.add_output('~/output')
         self._truth = self.add_output('~/total_disturbance')
@@ -242,6 +256,9 @@ class PlantNode(LiveNode):
         if self._faults != before:  # one began or ended, by itself or as it was asked to
             self.events.tell('fault', ', '.join(self._faults) or 'none', WARN)
         run = self.process
+        # Before the measurement: who ticks with that shall have it.
+        if self._applied is not None and (self.lockstep is not None or isfinite(self._acting)):
+            self._applied.send(self._acting)
         for sample in run.faults.deliver(run.k, run.measurement, still=not self._started):
             # One that a newer one has overtaken reaches no reader: the middleware drops it.
             if sample.number >= self._newest:
@@ -270,7 +287,7 @@ class PlantNode(LiveNode):
         """Let some periods pass under one command; the truth is that of the first."""
         finite = True
         for i in range(periods):
-            acting = self.process.faults.act(self.process.k, command)
+            self._acting = acting = self.process.faults.act(self.process.k, command)
             reached, acting = self.process.reach(command, acting)
             if i == 0:
                 self._truth.send(self.process.total_disturbance(reached, acting))

@@ -13,10 +13,12 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
-from nadrc_ros.ros.signal_parameters import REFERENCE
-from nadrc_ros.ros.topics import REFERENCE_TOPICS
+from nadrc_ros.ros.signal_parameters import FEED_FORWARD, REFERENCE
+from nadrc_ros.ros.topics import FEED_FORWARD_TOPIC, REFERENCE_TOPICS
 from nadrc_ros.simulation.loop import sample_reference
+from nadrc_ros.simulation.plant_run import signal_block
 from nadrc_ros.simulation.protocols import Signal
+from nadrc_ros.simulation.signals import Nothing
 
 _DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
 _EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'
@@ -46,7 +48,7 @@ class ReferenceSettings:
 
 
 class ReferenceNode(LiveNode):
-    """Sends r, r', r'' at t_k = k / rate; r(0) until the first ``command``."""
+    """Sends r, r', r'', and what is fed forward, at t_k = k / rate; of 0 until a ``command``."""
 
     default_name = 'reference'
 
@@ -55,6 +57,7 @@ class ReferenceNode(LiveNode):
         self._signal = ParameterGroup(
             self, REFERENCE.asked(self) | declared(ReferenceSettings), _make_signal
         )
+        self._known = ParameterGroup(self, FEED_FORWARD.asked(self), FEED_FORWARD.make)
         self._started = self.get_parameter('start').value == 'at_once'
         self._alone: bool = self.get_parameter('alone').value
         self._sample_rate: float = self.get_parameter('sample_rate').value
@@ -62,6 +65,9 @@ class ReferenceNode(LiveNode):
         # In lockstep every reader waits for a sample on each of its topics, be it none.
         topics = REFERENCE_TOPICS[: 1 if self._alone and self.lockstep is None else None]
         self._senders = [self.add_output(topic) for topic in topics]
+        waited_for = FEED_FORWARD_TOPIC in self.pacing.expected_readers()
+        fed = waited_for or not isinstance(self._known.value, Nothing)
+        self._feed_forward = self.add_output(FEED_FORWARD_TOPIC) if fed else None
         if self.lockstep is not None:
             self.lockstep.add_input('measurement')
         else:
@@ -89,6 +95,8 @@ class ReferenceNode(LiveNode):
         samples = sample_reference(self._signal.value, self.k, rate, self._sample_rate)
         if self._alone:
             samples[1:] = [nan] * (len(self._senders) - 1)
+        if self._feed_forward is not None:
+            self._feed_forward.send(float(signal_block(self._known.value, self.k, 1, rate)[0]))
         # The derivatives first: a controller takes those that came with or before the reference.
         for sender, value in zip(reversed(self._senders), reversed(samples)):
             sender.send(value)

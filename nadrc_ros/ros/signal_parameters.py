@@ -127,6 +127,9 @@ REFERENCE = SignalParameters('signal', '', 'cosine', 'shape of the reference')
 DISTURBANCE = SignalParameters(
     'disturbance', 'disturbance_', 'none', 'disturbance w added to y^(n)'
 )
+FEED_FORWARD = SignalParameters(
+    'feed_forward', 'feed_forward_', 'none', 'signal on feed_forward, if it is one at the start'
+)
 NOISE_SIGNAL = SignalParameters(
     'noise_signal', 'noise_signal_', 'none', 'signal added to the measurement beside the noise'
 )

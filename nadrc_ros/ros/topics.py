@@ -33,6 +33,8 @@ from std_msgs.msg import Float64
 REFERENCE_TOPICS = ('reference', 'reference/rate', 'reference/acceleration')
 # What b0_table is over, if b0_source is topic.
 GAIN_TOPIC = 'b0_variable'
+# What of the command really acts, and what is to be added to it.
+APPLIED_TOPIC, FEED_FORWARD_TOPIC = 'applied', 'feed_forward'
 Info = dict[str, Any]
 Receive = Callable[[float, Info], None]
 Take = Callable[[bytes, Info], None]

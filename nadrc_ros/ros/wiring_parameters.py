@@ -16,13 +16,22 @@ from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SharedTimer
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.stamps import SampleTimes
-from nadrc_ros.ros.topics import GAIN_TOPIC, Info, Receive, REFERENCE_TOPICS, Sender
+from nadrc_ros.ros.topics import (
+    APPLIED_TOPIC,
+    FEED_FORWARD_TOPIC,
+    GAIN_TOPIC,
+    Info,
+    Receive,
+    REFERENCE_TOPICS,
+    Sender,
+)
 from nadrc_ros.ros.wires import make_wire, PREFIX, Wire
 from nadrc_ros.wiring.address import Address, AddressError, GRAMMAR, parse_address
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Signals by the topics that they have without a wiring.
-_TOPICS = ('measurement', *REFERENCE_TOPICS, GAIN_TOPIC, 'command')
+_OPTIONAL = (GAIN_TOPIC, APPLIED_TOPIC, FEED_FORWARD_TOPIC)
+_TOPICS = ('measurement', *REFERENCE_TOPICS, *_OPTIONAL, 'command')
 SIGNALS = {topic: topic.replace('/', '_') for topic in _TOPICS}
 
 
@@ -47,6 +56,8 @@ class WiringSettings:
     reference_rate: str = _address('derivative of the reference')
     reference_acceleration: str = _address('second derivative of the reference')
     b0_variable: str = _address('variable of b0_table')
+    applied: str = _address('command that really acts')
+    feed_forward: str = _address('feed-forward')
     command: str = _address('command')
     stamp: str = choice(
         'header',

@@ -25,7 +25,17 @@ S = TypeVar('S', PlantSpec, SignalSpec)
 # Keys whose values are those of the scenario as they are.
 _SAME = ('rate', 'duration', 'error', 'reference_alone', 'reference_rate', 'settle_time')
 _KEYS = (
-    *('plant', 'reference', 'disturbance', 'noise', 'sensor', 'faults', 'seed', *_SAME),
+    *(
+        'plant',
+        'reference',
+        'disturbance',
+        'feed_forward',
+        'noise',
+        'sensor',
+        'faults',
+        'seed',
+        *_SAME,
+    ),
     *('limits', 'controllers', 'retune'),
 )
 _NEEDED = {
@@ -78,6 +88,9 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         input_delay=input_delay,
         reference=_spec(SignalSpec, given['reference'], 'reference', base_dir),
         disturbance=_spec(SignalSpec, given.get('disturbance', 'none'), 'disturbance', base_dir),
+        feed_forward=_spec(
+            SignalSpec, given.get('feed_forward', 'none'), 'feed_forward', base_dir
+        ),
         noise=noise,
         noise_signal=noise_signal,
         sensor=build(Sensor, _mapping(given.get('sensor', {}), 'sensor'), 'sensor'),
@@ -114,7 +127,7 @@ def _of_a_node(data: Any) -> bool:
 
 def to_mapping(scenario: Scenario) -> dict[str, Any]:
     """Return plain data from which :func:`from_mapping` makes an equal scenario."""
-    noise, added = scenario.noise, scenario.noise_signal
+    noise, added, fed = scenario.noise, scenario.noise_signal, scenario.feed_forward
     data = {
         'plant': {
             **scenario.plant.as_given(),
@@ -123,6 +136,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         },
         'reference': scenario.reference.as_given(),
         'disturbance': scenario.disturbance.as_given(),
+        **({} if fed == SignalSpec() else {'feed_forward': fed.as_given()}),
         'noise': {
             **_not_default(noise, 'variance', 'sample_time', without='seed'),
             **({} if added == SignalSpec() else added.as_given()),

@@ -35,6 +35,8 @@ class Scenario(Conditions):
         What to control, what to follow, what disturbs [unit of y^(n)].
     noise_signal
         What is added to each measurement beside the noise.
+    feed_forward
+        What is added to the command of each controller that listens to it [command unit].
     controllers
         Settings by name; a name is also a ROS namespace. The plant order is that of the plant; of
         a cascade, the orders of its loops make that together.
@@ -57,6 +59,7 @@ class Scenario(Conditions):
     controllers: dict[str, ControllerSettings]
     disturbance: SignalSpec = attrs.field(factory=SignalSpec)
     noise_signal: SignalSpec = attrs.field(factory=SignalSpec)
+    feed_forward: SignalSpec = attrs.field(factory=SignalSpec)
     experiment: Experiment = attrs.field(init=False, eq=False, repr=False)
 
     def __attrs_post_init__(self) -> None:
@@ -69,6 +72,7 @@ class Scenario(Conditions):
                 reference=self.reference.make(),
                 disturbance=self.disturbance.make(),
                 noise_signal=self.noise_signal.make(),
+                feed_forward=self.feed_forward.make(),
                 **same,
             )
         except SettingError as error:
@@ -96,7 +100,7 @@ class Scenario(Conditions):
 
     @property
     def _signals(self) -> tuple[SignalSpec, ...]:
-        return self.reference, self.disturbance, self.noise_signal
+        return self.reference, self.disturbance, self.noise_signal, self.feed_forward
 
     def run(self, name: str) -> Result:
         """

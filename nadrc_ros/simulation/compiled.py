@@ -133,9 +133,9 @@ def compiled_loop(
     ) -> Any:
         plant, reference_signal, disturbance = unowned(things)
         design, state, spare = unowned(law)
-        noise, r, reference, memory, memory_before, x, x_next, x_middle, w, work, sent = unowned(
-            buffers
-        )
+        parts = unowned(buffers)
+        noise, fed, r, reference, memory, memory_before = parts[:6]
+        x, x_next, x_middle, w, work, sent = parts[6:]
         rate, own_rate, substeps, b0, known, estimates, tracking, wrap_min, wrap_max = constants
         whole, rest = dead_time
         late = sent.shape[1] > 0
@@ -166,7 +166,7 @@ def compiled_loop(
             usable = facing.reference_min <= r[0] <= facing.reference_max
             for i in range(len(r)):
                 usable = usable and LOWEST <= r[i] <= HIGHEST
-            if not usable:
+            if not (usable and LOWEST <= fed[k - noise_start] <= HIGHEST):
                 break
             for i in range(known + estimates, len(reference)):
                 reference[i] = 0.0
@@ -178,7 +178,7 @@ def compiled_loop(
             y = output(plant, x)
             measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
             if outer is None:
-                sample = regular(measurement, h, command, 0.0)
+                sample = regular(measurement, h, command, fed[k - noise_start])
                 u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
             else:
                 acted = realised_reference(design, state, policy, command, asked)
@@ -193,7 +193,7 @@ def compiled_loop(
                     break
                 inner_reference[0] = asking
                 measured_rate = x[controlled] + rate_noise[k - noise_start]
-                sample = regular(measured_rate, h, command, 0.0)
+                sample = regular(measured_rate, h, command, fed[k - noise_start])
                 u, now, decided = tick(
                     design, state, policy, sample, inner_reference, True, True, spare
                 )

@@ -121,6 +121,7 @@ class Experiment(Conditions):
     reference: Signal
     disturbance: Signal
     noise_signal: Signal = attrs.field(factory=Nothing)
+    feed_forward: Signal = attrs.field(factory=Nothing)
 
     def __attrs_post_init__(self) -> None:
         super().__attrs_post_init__()

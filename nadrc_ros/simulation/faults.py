@@ -157,6 +157,7 @@ _LATE = ('delayed', 'reordered')
 COMMAND_KINDS: dict[str, Act] = {
     'stuck': Acting.hold,
     'reversed': lambda acting, u: -u,
+    'limited': lambda acting, u: max(-abs(acting.fault.size), min(abs(acting.fault.size), u)),
     'rate_limited': _rate_limited,
     'gain': lambda acting, u: acting.fault.size * u,
 }
@@ -204,8 +205,8 @@ class CommandFault(Fault):
     """
     What the actuator makes of commands.
 
-    ``stuck`` at the first one; ``reversed``; ``rate_limited`` to size per second; ``gain``: size
-    times the command, as if b0 were wrong by that factor.
+    ``stuck`` at the first one; ``reversed``; ``limited`` to +-size; ``rate_limited`` to size per
+    second; ``gain``: size times the command, as if b0 were wrong by that factor.
     """
 
     kind: str = choice('none', ('none', *COMMAND_KINDS), 'what the actuator makes of commands')

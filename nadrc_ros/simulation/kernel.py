@@ -81,7 +81,7 @@ class Kernel:
                 self.fields,
                 (tuple_of(running.design), *states),
                 (
-                    *(loop.noise, r, reference, memory, before),
+                    *(loop.noise, loop.fed, r, reference, memory, before),
                     *(*xs, w, np.array(make_work(xs.shape[1])), sent),
                 ),
                 (
@@ -137,6 +137,7 @@ def _go_on(
     controller.policy = policy
     controller.command = command
     controller.status = Status(status)
+    controller.commands.unfed = 0.0
     for each in Status:
         controller.counts[each] += int(counts[each])
 

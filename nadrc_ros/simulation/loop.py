@@ -13,7 +13,9 @@ from nadrc_ros.adrc.state import damping
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, SentSample
 from nadrc_ros.simulation.metrics import accumulate_remainders, Metrics
+from nadrc_ros.simulation.plant_run import signal_block
 from nadrc_ros.simulation.protocols import sample_time, Signal
+from nadrc_ros.simulation.signals import Nothing
 import numpy as np
 import numpy.typing as npt
 
@@ -54,8 +56,9 @@ class Loop:
         The sums of :func:`~nadrc_ros.simulation.metrics.accumulate_remainders`.
     levels
         The largest number of levels that was in use.
-    noise, inner_noise, noise_start
-        A block of noise, of the output and for each inner loop, and its first period.
+    noise, inner_noise, fed, noise_start
+        A block of noise, of the output and for each inner loop, and of the feed-forward, which is
+        0 where the controller listens to none; and its first period.
 
     """
 
@@ -71,9 +74,14 @@ class Loop:
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
         self.inner_noise = [np.zeros(0) for _ in self.derivatives]
+        self.fed = np.zeros(0)
+        self.acting: float | None = None
         self.noise_start = 0
         self._newest = SentSample(nan, -1.0, -1)
         self._settings = settings
+        own = self.controller.settings
+        self._listens, self._fed = own.applied_timeout > 0.0, own.feed_forward_timeout > 0.0
+        self._feed_forward = experiment.feed_forward if self._fed else Nothing()
         self._changes = [
             (first_period(retune.time, experiment.rate), retune.settings)
             for retune in sorted(experiment.retunes, key=lambda retune: retune.time)
@@ -97,6 +105,7 @@ class Loop:
                 self.inner_noise = [
                     plant_run.derivative_noise_block(m, drawn, count) for m in self.derivatives
                 ]
+                self.fed = signal_block(self._feed_forward, drawn, count, self.experiment.rate)
                 self.noise_start = drawn
                 drawn += len(self.noise)
             if kernel is not None and self._regular():
@@ -105,6 +114,7 @@ class Loop:
                 if plant_run.k < stop and not kernel(self, stop, rows):
                     kernel = None
                 self._newest = SentSample(nan, plant_run.k - 1.0, plant_run.k - 1)
+                self.acting = self.controller.command
                 if plant_run.k == drawn:
                     continue
             self._period(rows)
@@ -113,6 +123,8 @@ class Loop:
         """Tell whether this period has its one sample, as the one before had."""
         k = self.plant_run.k
         usual = self._newest.number == k - 1 == self._newest.stamp
+        told = self.acting if self._listens else None
+        usual = usual and told in (None, self.controller.command)
         return usual and not self.plant_run.faults.acts(k)
 
     def _period(self, rows: Array) -> None:
@@ -134,8 +146,15 @@ class Loop:
         rates = [plant_run.state[m] for m in self.derivatives]
         measured = [rate + float(noise[at]) for rate, noise in zip(rates, self.inner_noise)]
         spans = [dt] + [h] * len(inner)
-        u = self.cascade.tick([measurement, *measured], spans, elapsed=h, reference=r)
-        acting = plant_run.faults.act(k, u)
+        u = self.cascade.tick(
+            [measurement, *measured],
+            spans,
+            elapsed=h,
+            reference=r,
+            applied=self.acting if self._listens else None,
+            feed_forward=float(self.fed[at]) if self._fed else None,
+        )
+        self.acting = acting = plant_run.faults.act(k, u)
         followed = r[0] if experiment.error == 'reference' else outer.tracking
         now = controller.settings
         saturated = u <= now.command_min or u >= now.command_max

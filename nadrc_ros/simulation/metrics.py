@@ -162,9 +162,10 @@ def accumulate_remainders(
 
     ``sums[k]`` grows by h t |L - d_1 - ... - d_{k+1}|, with L the ``truth`` at ``t`` and the
     estimates after the sample of ``t``: the errors e_3 (inner level) and zeta_3 (both) of the
-    paper. What is not finite, or would make a sum overflow, is left out.
+    paper. A feed-forward leaves less of L to estimate. What is not finite, or would make a sum
+    overflow, is left out.
     """
-    remainder = truth
+    remainder = truth + state.gain[0] * state.feed_forward[0]
     if design.error_based:
         remainder -= reference_share(design, state.profile)
     for k in range(design.levels):

@@ -97,11 +97,7 @@ class PlantRun:
         noise = self.noise.block(k, count)
         if isinstance(self.noise_signal, Nothing):
             return noise
-        added = np.empty(count)
-        for i in range(count):
-            self.noise_signal.derivatives((k + i) / self.rate, self._w)
-            added[i] = self._w[0]
-        return noise + added
+        return noise + signal_block(self.noise_signal, k, count, self.rate)
 
     def derivative_noise_block(self, derivative: int, k: int, count: int) -> Array:
         """Return what is added to y^(derivative) in ``count`` periods from ``k`` on."""
@@ -163,3 +159,13 @@ class PlantRun:
         self.state, self._next = self._next, self.state
         self.k += 1
         return finite
+
+
+def signal_block(signal: Signal, k: int, count: int, rate: float) -> Array:
+    """Return a signal in ``count`` periods from ``k`` on."""
+    block, out = np.zeros(count), [0.0]
+    if not isinstance(signal, Nothing):
+        for i in range(count):
+            signal.derivatives((k + i) / rate, out)
+            block[i] = out[0]
+    return block

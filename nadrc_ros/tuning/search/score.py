@@ -34,6 +34,8 @@ _HOPELESS = 1.05
 _MARGIN_POINTS = 100  # frequencies of a margin: it is found between them anyway
 # How far a design is beyond a constraint that cannot be run, is unstable, or ran away.
 _NEVER = 10.0
+# Faults of the actuator whose size is counted in commands.
+_LIMITING = ('limited', 'rate_limited')
 
 
 @attrs.frozen
@@ -255,7 +257,7 @@ def corners(scenario: Scenario, tuning: TuneSettings) -> list[Corner]:
 def _faults_with_gain(faults: Faults, gain: float) -> Faults:
     """Return the faults of commands that are counted in ``gain`` times their unit."""
     command = tuple(
-        attrs.evolve(fault, size=fault.size * gain) if fault.kind == 'rate_limited' else fault
+        attrs.evolve(fault, size=fault.size * gain) if fault.kind in _LIMITING else fault
         for fault in faults.command
     )
     return attrs.evolve(faults, command=command)
