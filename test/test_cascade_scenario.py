@@ -103,7 +103,7 @@ def by_hand(one: Scenario) -> list[float]:
         measured = [plant.measurement]
         for i in range(1, len(orders)):
             m = sum(orders[:i])
-            measured.append(plant.state[m] + float(plant.derivative_noise_block(m, k, 1)[0]))
+            measured.append(plant.measured_derivative(m))
         r = sample_reference(one.experiment.reference, k, one.rate)
         commands.append(cascade.tick(measured, one.period, reference=r))
         plant.advance(commands[-1])

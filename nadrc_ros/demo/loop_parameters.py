@@ -31,8 +31,8 @@ def node_parameters(
     settings = scenario.controllers[name]
     if isinstance(settings, CascadeSettings):
         raise ScenarioError(
-            f'controllers.{name} is a cascade, and a plant node measures the output alone: nadrc '
-            'simulate runs it, and controller --axes with a sensor for each loop'
+            f'controllers.{name} is a cascade, and nadrc demo starts loops of one controller: '
+            'nadrc simulate runs it, and on the graph controller --axes, as in docs/cascade.md'
         )
     plant: Parameters = {
         'plant': scenario.plant.file or scenario.plant.name,

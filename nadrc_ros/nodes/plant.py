@@ -14,6 +14,7 @@ from nadrc_ros.adrc.fields import (
     Declared,
     declared,
     flag,
+    integer,
     number,
     numbers,
     text,
@@ -51,6 +52,9 @@ _LOGGED = 5.0
 # The stamps of samples are the middleware's.
 _INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
 
+# Where the sensors of derivatives send.
+_DERIVATIVES = ('measurement/rate', 'measurement/acceleration')
+
 _DESCRIPTION = 'A simulated plant: command in, measurement out.'
 _EXAMPLE = '  ros2 run nadrc_ros plant --ros-args -p disturbance:=sine -p noise_variance:=1.0e-6'
 
@@ -79,6 +83,14 @@ class PlantSettings:
     )
     input_delay: float = number(
         0.0, 0.0, LONGEST, 's', 'dead time: from a command until it acts', live=False
+    )
+    measured_derivatives: int = integer(
+        0,
+        0,
+        len(_DERIVATIVES),
+        'derivatives of the output that have a sensor too: 1 = measurement/rate, 2 = also '
+        'measurement/acceleration; below the order of the plant',
+        live=False,
     )
     command_timeout: float = number(
         0.25,
@@ -151,6 +163,10 @@ class PlantNode(LiveNode):
             settings.input_delay,
             settings.safe_command,
         )
+        sensors = settings.measured_derivatives
+        if sensors >= plant.order:
+            allowed = f'below {plant.order}, the order of the plant'
+            raise SettingError('measured_derivatives', sensors, allowed)
         self._started = settings.start == 'at_once'
         self._command = settings.safe_command
         self._age = 0.0
@@ -166,6 +182,7 @@ class PlantNode(LiveNode):
         self._acting = nan  # until something does
         self._applied = self.add_output(APPLIED_TOPIC) if settings.report_applied else None
         self._measurement = self.add_output('measurement')
+        self._derivatives = [self.add_output(topic) for topic in _DERIVATIVES[:sensors]]
         self._output = self.add_output('~/output')
         self._truth = self.add_output('~/total_disturbance')
         if self.lockstep is None:
@@ -212,7 +229,7 @@ class PlantNode(LiveNode):
         self.process.noise_signal = signal
 
     def _change_variance(self, noise: Noise) -> None:
-        self.process.noise.set_variance(noise.variance)
+        self.process.change_noise(noise)
 
     def _inject(self, faults: Faults) -> None:
         self.process.faults.change(faults, self.process.k)
@@ -264,6 +281,8 @@ class PlantNode(LiveNode):
             if sample.number >= self._newest:
                 self._newest = sample.number
                 self._measurement.send(sample.value)
+        for i, sender in enumerate(self._derivatives, 1):
+            sender.send(run.measured_derivative(i))
         output = self.process.output
         self._note_divergence(isfinite(output))
         self._output.send(output)
@@ -322,9 +341,8 @@ class PlantNode(LiveNode):
 
 
 def noise_fields() -> dict[str, Declared]:
-    """Return the parameters of the noise of the output: its fields with a prefix, but the seed."""
+    """Return the parameters of the noise: its fields with a prefix, but for the seed."""
     fields = behind(_NOISE, declared(Noise))
-    del fields[_NOISE + 'derivative_variances']
     return {'seed' if name == _NOISE + 'seed' else name: f for name, f in fields.items()}
 
 

@@ -99,6 +99,18 @@ class PlantRun:
             return noise
         return noise + signal_block(self.noise_signal, k, count, self.rate)
 
+    def change_noise(self, noise: Noise) -> None:
+        """Go on with noise of other variances."""
+        self._noise = noise
+        self.noise.set_variance(noise.variance)
+        for derivative, source in self._derivative_noise.items():
+            source.set_variance(noise.variance_of(derivative))
+
+    def measured_derivative(self, derivative: int) -> float:
+        """Return y^(derivative), below the order of the plant, with the noise of period k."""
+        noise = self.derivative_noise_block(derivative, self.k, 1)
+        return self.state[derivative] + float(noise[0])
+
     def derivative_noise_block(self, derivative: int, k: int, count: int) -> Array:
         """Return what is added to y^(derivative) in ``count`` periods from ``k`` on."""
         if derivative not in self._derivative_noise:

@@ -12,6 +12,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.nodes.cascades import make_joined
 from nadrc_ros.nodes.controller import Axis, ControllerNode
+from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.records.step_trace import replay
 from nadrc_ros.ros.topics import receive
 from probe import parameter_file, Probe, Processes
@@ -132,21 +133,36 @@ def test_p18_both_loops_act_in_one_tick_and_their_traces_replay_to_the_bit(
     assert any(each['followed'] for each in asked) and not all(e['followed'] for e in asked)
 
 
-def test_p14_a_signal_ends_a_cascade_at_the_safe_command(probe: Probe, start: Processes) -> None:
-    slide, send = Slide(probe), probe.publisher('position/reference')
+def test_p14_a_plant_with_a_sensor_of_its_speed_is_controlled_until_a_signal_ends_it_safely(
+    probe: Probe, start: Processes
+) -> None:
+    """As docs/cascade.md has it."""
+    space, send = start.namespace, probe.publisher('position/reference')
+    output, pushes = probe.listen('plant/output'), probe.listen('velocity/command')
+    plant: dict[str, Any] = {'plant': 'chain', 'order': 2, 'rate': RATE, 'measured_derivatives': 1}
+    noise: dict[str, Any] = {'noise_variance': 1e-10, 'noise_derivative_variances': [1e-8]}
+    start('plant', '-r', 'command:=velocity/command', **plant, **noise)
     file = parameter_file(
         start.directory / 'axes.yaml',
-        {f'{start.namespace}/{name}/controller': values for name, values in LOOPS.items()},
+        {f'{space}/{name}/controller': values for name, values in LOOPS.items()},
     )
     process = start.run(
         *('axes', '-m', 'nadrc_ros.nodes.controller', '--axes', *LOOPS, '--ros-args'),
-        *('-r', f'__ns:={start.namespace}', '--params-file', str(file)),
+        *('-r', f'__ns:={space}', '--params-file', str(file)),
+        *('-r', f'{space}/position/measurement:={space}/measurement'),
+        *('-r', f'{space}/velocity/measurement:={space}/measurement/rate'),
     )
-    probe.wait_until(lambda: send(1.0) or abs(slide.x[0] - 1.0) < 0.02)
+    probe.wait_until(lambda: send(1.0) or (output and abs(output[-1] - 1.0) < 0.02))
     process.signal(signal.SIGINT)
     assert probe.end_of(process) == 0, process.said
-    probe.wait_until(lambda: slide.pushes[-1] == 0.25)
+    probe.wait_until(lambda: pushes[-1] == 0.25)
     assert 'Traceback' not in process.said
+
+
+def test_a_sensor_has_no_derivative_that_the_plant_does_not_have(make_probe: Make) -> None:
+    make_probe()
+    with pytest.raises(UserError, match='measured_derivatives = 1: must be below 1, the order'):
+        PlantNode(parameters={'plant': 'chain', 'order': 1, 'measured_derivatives': 1})
 
 
 @pytest.mark.parametrize(
