@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from math import inf
 
-from nadrc_ros.adrc.design import Design, Matrix, Vector
+from nadrc_ros.adrc.design import Design, Matrix
 from nadrc_ros.adrc.state import WORK_VECTORS
 
 # Over a tick so long that a pole of the plant decays by more than exp(-3), or a vibration turns by
 # more than 2.5 rad, which is near the half turn that no sample shows, these are not corrected.
 FASTEST_DECAY, LARGEST_TURN = 3.0, 2.5
-# Of a Taylor sum: what the coefficients of a polynomial may add up to, and where it ends.
-_LARGEST_SUM, _LEAST_TERM, _MOST_TERMS, _MOST_HALVINGS = 3.0, 1e-19, 40, 70
+# Of a Taylor sum: what the coefficients of both polynomials may add up to, and how many terms
+# leave 1e-18 then.
+_LARGEST_SUM, _FEWEST_TERMS, _MORE_TERMS, _MOST_HALVINGS = 3.0, 20, 5.0, 70
 # Rows of ``State.work``, before two matrices.
 PLANT, GENERATOR, BASIS, VECTOR, PRODUCT = range(WORK_VECTORS)
 MATRIX = WORK_VECTORS
@@ -71,22 +72,9 @@ def exponential(design: Design, dt: float, bounded: bool, work: Matrix) -> None:
         for j in range(states - order):
             size += abs(work[GENERATOR][j])
         halved += 1
-    for first in (0, order):
-        total, term = work[MATRIX + first], work[VECTOR]
-        for j in range(states + 1):
-            total[j] = term[j] = 0.0
-        term[first] = 1.0
-        size, terms = 1.0, 0
-        while size > _LEAST_TERM and terms < _MOST_TERMS:
-            terms += 1
-            follow(design, term, work[PRODUCT], work)
-            size = 0.0
-            for j in range(states + 1):
-                term[j] = work[PRODUCT][j] / terms
-                total[j] += term[j]
-                size = max(size, abs(term[j]))
-        for i in range(first, (order if first == 0 else states) - 1):
-            follow(design, work[MATRIX + i], work[MATRIX + i + 1], work)
+    terms = int(_FEWEST_TERMS + _MORE_TERMS * size)
+    taylor(0, order, states, terms, work)
+    taylor(order, order, states, terms, work)
     other = MATRIX + states
     for _ in range(halved - 1):
         for i in range(states):
@@ -111,18 +99,37 @@ def exponential(design: Design, dt: float, bounded: bool, work: Matrix) -> None:
             up /= part
 
 
-def follow(design: Design, row: Vector, out: Vector, work: Matrix) -> None:
-    """Write the row vector ``row`` times H."""
-    order, states = design.order, design.states
-    top, last = row[order - 1], row[states - 1]
-    for j in range(states - 1, 0, -1):
-        out[j] = row[j - 1]
-    out[0] = 0.0
-    out[states] = top
-    for j in range(order):
-        out[j] -= top * work[PLANT][j]
-    for j in range(order, states):
-        out[j] -= last * work[GENERATOR][j - order]
+def taylor(first: int, order: int, states: int, terms: int, work: Matrix) -> None:
+    """Write row ``first`` of exp(H) - I, the sum of e H^k / k!, and those that follow from it."""
+    plant, generator, term = work[PLANT], work[GENERATOR], work[VECTOR]
+    total = work[MATRIX + first]
+    j = 0
+    while j <= states:
+        total[j] = term[j] = 0.0
+        j += 1
+    term[first] = 1.0
+    k = 0
+    while k < terms:
+        k += 1
+        share = 1.0 / k
+        top, last = term[order - 1] * share, term[states - 1] * share
+        term[states] = top
+        total[states] += top
+        j = states
+        while j > first:
+            j -= 1
+            value = term[j - 1] * share if j > first else 0.0
+            value -= top * plant[j] if j < order else last * generator[j - order]
+            term[j] = value
+            total[j] += value
+    end = order if first < order else states
+    for i in range(first, end - 1):
+        row, below = work[MATRIX + i], work[MATRIX + i + 1]
+        top, last = row[order - 1], row[states - 1]
+        below[states] = top
+        for j in range(states):
+            value = row[j - 1] if j > 0 else 0.0
+            below[j] = value - (top * plant[j] if j < order else last * generator[j - order])
 
 
 def solve(first: int, size: int, work: Matrix) -> None:
