@@ -84,11 +84,11 @@ def test_what_is_not_said_is_taken_from_the_range_of_the_command() -> None:
 
 
 def test_a_delay_that_leaves_too_little_distance_slows_the_observer_or_is_warned_of() -> None:
-    slower = first_design(Requirements(order=1, settling_time=200.0, rate=50.0, delay=10.0))
+    slower = first_design(wanted(delay=0.0145))
     assert slower.chosen.prediction.margins.modulus >= 0.4 and not slower.warning
     assert 'distance from -1' in slower.candidates[0].decided_by
-    near = first_design(wanted(delay=0.009))
-    assert 'comes within 0.36 of instability' in near.warning
+    near = first_design(wanted(order=3, delay=0.006))
+    assert 'comes within 0.35 of instability' in near.warning
 
 
 def test_no_warning_of_a_library_comes_before_a_refusal(

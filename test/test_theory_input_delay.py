@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from itertools import product
 
-from nadrc_ros.adrc.design import Design
+import attrs
+from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.theory.delayed import (
     command_variance,
     delayed_loop,
@@ -15,9 +16,12 @@ from nadrc_ros.theory.delayed import (
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import margins
 from nadrc_ros.theory.model import controller
+from nadrc_ros.tuning.design.candidates import candidates
+from nadrc_ros.tuning.design.limits import fastest
+from nadrc_ros.tuning.design.requirements import Requirements
 import numpy as np
 import pytest
-from theory_helpers import Loop, simulated_stable, wide_design
+from theory_helpers import Loop, simulated_stable, WIDE, wide_design
 
 H = 0.01
 DELAY = 5.0 * H
@@ -41,7 +45,7 @@ def late_design(
 @pytest.mark.parametrize('structure', ('conventional', 'nested', 'cascade'))
 def test_predicted_and_simulated_stability_agree(structure: str) -> None:
     """Over bandwidths and delays of plant and law, right and wrong ones, fractions too."""
-    bandwidths = np.geomspace(5.0, 120.0, 7)
+    bandwidths = np.geomspace(5.0, 120.0, 5)
     delays = ((5.0, 5.0), (5.0, 0.0), (5.0, 4.0), (5.0, 6.0), (2.3, 2.3), (0.0, 3.6))
     seen = []
     for n, w, (late, told) in product((1, 2), bandwidths, delays):
@@ -53,7 +57,7 @@ def test_predicted_and_simulated_stability_agree(structure: str) -> None:
             seen.append(predicted)
             found = simulated_stable(design, chain(n, 1.0), H, abs(growth - 1.0), late * H)
             assert found == predicted, (n, w, late, told)
-    assert len(seen) > 60 and 10 < sum(seen) < len(seen) - 10
+    assert len(seen) > 45 and 10 < sum(seen) < len(seen) - 10
 
 
 def largest(n: int, structure: str, input_delay: float) -> float:
@@ -79,6 +83,21 @@ def test_five_periods_of_delay_that_are_known_allow_twice_the_bandwidth(
     n: int, structure: str
 ) -> None:
     assert largest(n, structure, DELAY) >= 2.0 * largest(n, structure, 0.0)
+
+
+@pytest.mark.parametrize('n', (1, 2, 3))
+def test_at_the_advised_bandwidth_a_delay_that_is_a_period_off_leaves_the_loop_stable(
+    n: int,
+) -> None:
+    """Of the fastest design that `nadrc design` allows, in theory and as it runs."""
+    wanted, _ = fastest(Requirements(order=n, rate=1.0 / H, delay=DELAY))
+    for candidate in candidates(wanted):
+        design = attrs.evolve(make_design(candidate.settings), **WIDE)
+        assert design.input_delay == DELAY
+        for periods in (4, 6):
+            delay = periods * H
+            assert is_stable_loop(delayed_loop(design, chain(n, 1.0), H, delay))
+            assert simulated_stable(design, chain(n, 1.0), H, 0.01, delay)
 
 
 def test_noise_and_step_response_are_those_of_the_law_that_runs() -> None:

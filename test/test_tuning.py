@@ -202,6 +202,24 @@ def test_a_known_delay_counts_in_the_margins() -> None:
         assert found.delay == pytest.approx(own.margins(own.settings).delay - lost)
 
 
+def test_a_delay_of_the_plant_counts_and_so_does_that_the_law_knows_it() -> None:
+    at_once, late = (
+        judge(),
+        Judge(
+            attrs.evolve(judge().scenario, input_delay=0.043),
+            'nested',
+            build(TuneSettings, {}),
+            compiled=False,
+        ),
+    )
+    ignorant = attrs.evolve(
+        late.settings, inner_bandwidth=8.0, outer_bandwidth=8.0, controller_bandwidth=2.0
+    )
+    told = attrs.evolve(ignorant, input_delay=0.043)
+    assert late.margins(ignorant).modulus < at_once.margins(ignorant).modulus
+    assert late.margins(told).modulus > 1.05 * late.margins(ignorant).modulus
+
+
 def test_a_delay_is_in_the_margins_as_it_is_simulated_in_whole_periods() -> None:
     faults = Faults(measurement=(MeasurementFault(kind='delayed', time=0.03),))
     one = Judge(scenario(faults=faults), 'nested', build(TuneSettings, {}), compiled=False)

@@ -86,6 +86,7 @@ def settings_of(
         command_max=wanted.command_limit,
         plant_poles=wanted.plant_poles,
         disturbance_frequencies=wanted.disturbance_frequencies,
+        input_delay=wanted.delay,
         outer_bandwidth=ratio * w if levels > 1 else usual.outer_bandwidth,
         bandwidth_ratio=ratio if levels > 2 else usual.bandwidth_ratio,
     )

@@ -10,12 +10,12 @@ import attrs
 from nadrc_ros.adrc.design import bandwidths, make_design
 from nadrc_ros.adrc.settings import SLOWEST_RATE
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
-from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.theory.pid import equivalent_pid, FilteredPID
 from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import patient, reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import advice, advised, asked, Candidate, candidates
+from nadrc_ros.tuning.design.limits import loop_margins
 from nadrc_ros.tuning.design.requirements import LOAD_SHARE, Requirements, STEP_SHARE
 
 # In settling times: the start, which is bumpless and would spoil the step; the step of the
@@ -65,12 +65,27 @@ class FirstDesign:
             f'in units of y^({wanted.order}) '
             f'({self._share(bool(wanted.disturbance), LOAD_SHARE)})',
         ]
+        if wanted.delay > 0.0:
+            rules.append(self._told)
         if wanted.half_gain:
             rules.append(
                 'half of the observer gains act (Herbst, Hempel, Goehrt, Streif 2020; Herbst, '
                 'Hempel 2025)'
             )
         return rules
+
+    @property
+    def _told(self) -> str:
+        """Say what it brings that the observers know the delay."""
+        near = self.chosen.prediction.margins.modulus
+        ignorant = attrs.evolve(make_design(self.chosen.settings), input_delay=0.0)
+        without = loop_margins(ignorant, self.wanted, self.wanted.delay).modulus
+        said = f'comes within {without:.2f} of it' if without > 0.0 else 'is unstable'
+        return (
+            f'the observers know the delay (input_delay = {self.wanted.delay:g} s): the loop '
+            f'stays {near:.2f} away from instability (modulus), and without that it {said}; '
+            'a period more or less leaves it stable'
+        )
 
     def _share(self, named: bool, share: float) -> str:
         if named:
@@ -118,7 +133,7 @@ class FirstDesign:
     def pid(self) -> FilteredPID | None:
         """Return the filtered PI or PID controller that one observer is, for orders 1 and 2."""
         design = make_design(self.candidates[0].settings)
-        if self.wanted.order > 2 or design.known:
+        if self.wanted.order > 2 or design.known or self.wanted.delay > 0.0:
             return None
         return equivalent_pid(design)
 
@@ -203,7 +218,7 @@ def experiment(wanted: Requirements, ordered: Sequence[Candidate]) -> Scenario:
     """
     Return a step of the reference, and later the disturbance, for all candidates.
 
-    A delay becomes one of the measurement, in whole periods.
+    A delay becomes one at the input of the plant.
     """
     start = _START * wanted.settling_time + wanted.delay
     later = start + _ALONE * wanted.settling_time
@@ -214,7 +229,7 @@ def experiment(wanted: Requirements, ordered: Sequence[Candidate]) -> Scenario:
         ),
         disturbance=_disturbance(wanted, later),
         noise=Noise(variance=wanted.noise_std**2, seed=_SEED),
-        faults=_faults(wanted),
+        input_delay=wanted.delay,
         controllers={candidate.name: candidate.settings for candidate in ordered},
         rate=wanted.rate,
         duration=float(f'{later + _length(wanted):.3g}'),
@@ -266,9 +281,3 @@ def _length(wanted: Requirements) -> float:
         cycles = _CYCLES * 2.0 * pi / wanted.disturbance_frequency
         length = max(length, min(cycles, _MOST_PERIODS * wanted.period))
     return length
-
-
-def _faults(wanted: Requirements) -> Faults:
-    if wanted.delay == 0.0:
-        return Faults()
-    return Faults(measurement=(MeasurementFault(kind='delayed', time=wanted.delay),))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import attrs
 from nadrc_ros.adrc.design import Design, make_design, polynomial
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
-from nadrc_ros.theory.delayed import command_variance, delayed_loop, Loop
+from nadrc_ros.theory.delayed import command_variance, delayed_loop, is_stable_loop, Loop
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import Margins, margins
 from nadrc_ros.theory.system import StateSpace
@@ -29,13 +29,14 @@ from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Req
 
 # Observer over controller bandwidth.
 _SLOWEST_RATIO, _USUAL_RATIO, _FASTEST_RATIO = 3.0, 5.0, 10.0
-_DELAY_SHARE = 0.5  # of the delay that the loop bears without it, which a known one may use up
 _DEVIATIONS = 3.0  # of the command, that fit into its limits
 _LARGEST_STEP = 1e-3 * HIGHEST  # what overshoots it is a number of a sensor still
 # Points of a margin that only decides, and what is asked for more than a tuning, with its own
 # points, asks for.
 _COARSE_POINTS, _MODULUS = 300, 1.02 * LEAST_MODULUS
 _BISECTIONS = 12
+# Of its distance from -1 without a delay, what a loop with one keeps that cannot have more.
+_KEPT = 0.75
 # A possible settling time is sought up to so many times the one asked for, to three digits.
 _MUCH_SLOWER, _FINE_BISECTIONS = 1e3, 22
 # The fastest sound loop is sought between the shortest settling time and so many times that.
@@ -74,10 +75,12 @@ def slow_enough(design: Design, wanted: Requirements) -> bool:
 
 
 def robust_enough(design: Design, wanted: Requirements) -> bool:
-    """Tell whether the loop is stable and the delay at most half of what it bears without it."""
+    """Tell whether the loop is stable, also with a delay that is a period off either way."""
+    plant, h = known_plant(wanted), wanted.period
     if wanted.delay == 0.0:
-        return loop_growth(design, known_plant(wanted), wanted.period) < 1.0
-    return wanted.delay <= _DELAY_SHARE * loop_margins(design, wanted, 0.0, _COARSE_POINTS).delay
+        return loop_growth(design, plant, h) < 1.0
+    delays = wanted.delay, wanted.delay + h, max(wanted.delay - h, 0.0)
+    return all(is_stable_loop(delayed_loop(design, plant, h, delay)) for delay in delays)
 
 
 def far_enough(design: Design, wanted: Requirements) -> bool:
@@ -136,7 +139,7 @@ def check(wanted: Requirements) -> None:
         )
     complaint = conflict(wanted)
     if complaint:
-        raise Conflict(f'{complaint.text}; possible: {_slower(wanted)}')
+        raise Conflict(f'{complaint.say()}; possible: {_slower(wanted)}')
     step = reference_step(wanted)
     if step > _LARGEST_STEP:
         raise Conflict(
@@ -147,10 +150,10 @@ def check(wanted: Requirements) -> None:
 
 
 class Complaint(NamedTuple):
-    """What requirements fail by, in a word, and what it asks for, in a sentence."""
+    """What requirements fail by, in a word, and what says in a sentence what it asks for."""
 
     cause: str
-    text: str
+    say: Callable[[], str]
 
 
 def conflict(wanted: Requirements) -> Complaint | None:
@@ -161,17 +164,20 @@ def conflict(wanted: Requirements) -> Complaint | None:
     if least > most:
         return Complaint(
             'the rate',
-            f'{asked} is too short for rate = {wanted.rate:g} Hz: the observer needs 3 wc = '
-            f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most',
+            lambda: (
+                f'{asked} is too short for rate = {wanted.rate:g} Hz: the observer needs 3 wc = '
+                f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most'
+            ),
         )
     wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
     design = make_design(settings_of(wanted, 'conventional', 1, wc, _SLOWEST_RATIO * wc))
-    if not robust_enough(design, wanted):
-        bears = loop_margins(design, wanted, 0.0).delay
+    if not _bears(design, wanted, wanted.delay):
         return Complaint(
             'the delay',
-            f'{asked} is too short for delay = {wanted.delay:g} s: such a loop bears '
-            f'{bears:.3g} s, and half of that at most should be used up',
+            lambda: (
+                f'{asked} is too short for delay = {wanted.delay:g} s: such a loop bears '
+                f'{_longest_delay(design, wanted):.3g} s, even one that knows it'
+            ),
         )
     if not quiet_enough(design, wanted):
         least = noise_gain(design, wanted) * wanted.noise_std
@@ -180,10 +186,30 @@ def conflict(wanted: Requirements) -> Complaint | None:
             budget = f'command_limit = {wanted.command_limit:g}, of which noise may take a third,'
         return Complaint(
             'the noise',
-            f'{budget} cannot be kept with {asked} and noise_std = {wanted.noise_std:g}: an '
-            f'observer of 3 wc already causes a standard deviation of {least:.3g}',
+            lambda: (
+                f'{budget} cannot be kept with {asked} and noise_std = {wanted.noise_std:g}: an '
+                f'observer of 3 wc already causes a standard deviation of {least:.3g}'
+            ),
         )
     return None
+
+
+def _bears(design: Design, wanted: Requirements, delay: float) -> bool:
+    """Tell whether the loop is robust with this delay, which it knows, and far enough from -1."""
+    late = attrs.evolve(wanted, delay=delay)
+    told, at_once = (attrs.evolve(design, input_delay=each) for each in (delay, 0.0))
+    if delay == 0.0 or not robust_enough(told, late):
+        return robust_enough(told, late)
+    most = _KEPT * loop_margins(at_once, wanted, 0.0, _COARSE_POINTS).modulus
+    return loop_margins(told, late, delay, _COARSE_POINTS).modulus >= min(_MODULUS, most)
+
+
+def _longest_delay(design: Design, wanted: Requirements) -> float:
+    """Return the longest delay [s] that the loop bears, shorter than that of ``wanted``."""
+    least = 1e-3 * wanted.period
+    if not _bears(design, wanted, least):
+        return 0.0
+    return largest(lambda delay: _bears(design, wanted, delay), least, wanted.delay)
 
 
 def _slower(wanted: Requirements) -> str:

@@ -67,7 +67,11 @@ class Requirements:
         'largest standard deviation of the command that the noise may cause; 0 = no such limit',
     )
     delay: float = number(
-        0.0, 0.0, LONGEST, 's', 'dead time of the loop beyond the sampling: sensor, bus, actuator'
+        0.0,
+        0.0,
+        LONGEST,
+        's',
+        'dead time of the loop beyond the sampling (sensor, bus, actuator); becomes input_delay',
     )
     disturbance: float = number(
         0.0,

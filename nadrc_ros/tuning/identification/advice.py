@@ -17,7 +17,6 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.history import History
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
-from nadrc_ros.simulation.faults import Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.theory.margins import Margins
@@ -55,6 +54,7 @@ _DESIGNED = (
     'bandwidth_ratio',
     'controller_bandwidth',
     'observer_gain_factor',
+    'input_delay',
 )
 # A search simulates thousands of runs as long as that.
 _MOST_PERIODS = 50_000
@@ -180,9 +180,8 @@ def limits_of(log: Log, running: ControllerSettings | None) -> tuple[float, floa
 
 
 def delay_of(plant: Plant) -> float:
-    """Return the lateness in the nearest whole periods [s]: that of the scenario to go on from."""
-    periods = round(plant.lateness.value / plant.period) if plant.lateness else 0
-    return periods / rounded(1.0 / plant.period)
+    """Return the lateness [s]: that of the scenario to go on from, and of its controller."""
+    return max(rounded(plant.lateness.value), 0.0) if plant.lateness else 0.0
 
 
 def jump_of(log: Log) -> float:
@@ -217,8 +216,8 @@ def scenario_of(
     """
     Return a scenario with the identified chain, from which `nadrc tune` and `simulate` go on.
 
-    It lasts as long as the log, at its rate, with its noise; a delay or lag becomes a delay of the
-    measurement, in whole periods. The reference is that of the file, of :func:`reference_text`;
+    It lasts as long as the log, at its rate, with its noise; a delay or lag becomes a dead time
+    of the plant. The reference is that of the file, of :func:`reference_text`;
     where it is not known, the dominant sine of the measurement. The disturbance is the dominant
     sine of what b0 and the damping leave unexplained.
     """
@@ -232,8 +231,6 @@ def scenario_of(
         # Held between its samples, as nothing tells that its derivatives were known.
         columns = {'time': 'time', 'column': 'reference', 'between': 'hold'}
         followed = SignalSpec(csv=str(reference), values=columns)
-    delay = delay_of(plant)
-    late = (MeasurementFault(kind='delayed', time=delay),) if delay else ()
     values = {'order': plant.order, 'gain': settings.b0, 'damping': damping}
     return Scenario(
         plant=PlantSpec(name='chain', values=values),
@@ -243,7 +240,7 @@ def scenario_of(
         noise=Noise(variance=rounded(plant.noise**2), seed=1),
         rate=rate,
         duration=rounded(length),
-        faults=Faults(measurement=late),
+        input_delay=delay_of(plant),
         controllers={NAME: settings},
     )
 

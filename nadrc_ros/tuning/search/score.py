@@ -171,7 +171,8 @@ class Judge:
         plant, rate = self.corners[0].experiment.plant, self.scenario.rate
         loops = loops_of(settings)
         gain = loops[-1].b0 if len(loops[-1].b0_table) > 1 else plant.b0
-        nominal, delay = chain(plant.order, gain), self.scenario.faults.delay(rate)
+        nominal = chain(plant.order, gain)
+        delay = self.scenario.faults.delay(rate) + self.scenario.input_delay
         designs = [make_design(each) for each in loops]
         if len(designs) > 1:
             return loop_margins(cascade_loop(designs, nominal, 1.0 / rate, delay), _MARGIN_POINTS)
