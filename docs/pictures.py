@@ -25,6 +25,8 @@ PAGES: dict[str, tuple[float, float]] = {
     'gain_table': (0.0, 8.5),
     'rest': (0.0, 9.0),
     'angles': (0.0, 5.0),
+    'applied': (0.0, 6.0),
+    'feed_forward': (0.5, 4.0),
     'cascade': (0.0, 7.0),
     'known_dynamics': (0.0, 2.5),
     'vibration': (0.0, 2.0),

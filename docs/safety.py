@@ -32,7 +32,8 @@ PROMISES = (
     'The command changes by at most rate limit x time, and by no less where the law asks for '
     'more, however seldom samples come; also at a start, a retune, a switch of structure and at '
     'both ends of a fault. Two exceptions, both logged: a range that is narrowed is entered at '
-    'once, and at a stop the ramp ends after 0.5 s with the safe command.',
+    'once, and at a stop the ramp ends after 0.5 s with the safe command. Where another command '
+    'is reported to act, the change may count from that.',
     'The observers are driven by the command that was applied: ten seconds in saturation leave no '
     'windup that grows, and a bounded overshoot.',
     'When no valid measurement comes for `measurement_timeout`, the fault action starts within '
