@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -10,21 +11,27 @@ from hypothesis import strategies as st
 from law_helpers import at_least, design_of, noise
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.recorded_run import modelled
+from nadrc_ros.scenario.files import load
 from nadrc_ros.theory.delayed import command_variance, delayed_loop
 from nadrc_ros.theory.loop import chain, loop_growth
+from nadrc_ros.theory.margins import margins
 from nadrc_ros.theory.model import residual
 from nadrc_ros.tuning.design.candidates import candidates
 from nadrc_ros.tuning.design.first_design import expect, first_design
 from nadrc_ros.tuning.design.prediction import Prediction
 from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.search.score import Judge
+from nadrc_ros.tuning.search.settings import TuneSettings
 import numpy as np
 import pytest
 from scipy import optimize
 from test_internal_model import left
 from theory_helpers import LINEAR, Loop, response, simulated_stable, WIDE
 
+LOOPS = Path(__file__).parents[1] / 'examples' / 'loops'
 H = 0.005
 LAGGED = Requirements(
     order=2,
@@ -164,3 +171,15 @@ def test_the_truth_of_a_record_is_that_of_the_model_or_unknown() -> None:
     assert found.tolist() == [0.5, 0.5, 12.5]
     second = ControllerSettings(plant_poles=(-4.0, 0.0))  # its y' is in no record
     assert np.isnan(modelled(time, y, truth, [(0.0, second)])).all()
+
+
+def test_a_search_judges_the_margins_with_the_poles_that_are_known() -> None:
+    """Around a chain the damping that the law takes away would be missing."""
+    lagged = load(LOOPS / 'known_dynamics.yaml')
+    found = Judge(lagged, 'known', build(TuneSettings, {}), compiled=False).margins(
+        lagged.controllers['known']
+    )
+    design = make_design(lagged.controllers['known'])
+    expected = margins(design, chain(2, 20.0, [0.0, 20.0]), H)
+    assert found.gain_high == pytest.approx(expected.gain_high, rel=1e-3)
+    assert found.modulus == pytest.approx(expected.modulus, rel=1e-2)

@@ -166,14 +166,16 @@ class Judge:
         """
         Return the margins of the loop with a chain of the nominal b0, and the known delay.
 
-        With a table of b0 it is one for which the table is right.
+        With a table of b0 it is one for which the table is right, with known poles one that has
+        them.
         """
         plant, rate = self.corners[0].experiment.plant, self.scenario.rate
         loops = loops_of(settings)
         gain = loops[-1].b0 if len(loops[-1].b0_table) > 1 else plant.b0
-        nominal = chain(plant.order, gain)
         delay = self.scenario.faults.delay(rate) + self.scenario.input_delay
         designs = [make_design(each) for each in loops]
+        poles = [0.0] * (plant.order - designs[-1].order) + designs[-1].damping
+        nominal = chain(plant.order, gain, poles)
         if len(designs) > 1:
             return loop_margins(cascade_loop(designs, nominal, 1.0 / rate, delay), _MARGIN_POINTS)
         return margins(designs[0], nominal, 1.0 / rate, delay, _MARGIN_POINTS)
