@@ -31,6 +31,7 @@ PAGES: dict[str, tuple[float, float]] = {
     'known_dynamics': (0.0, 2.5),
     'vibration': (0.0, 2.0),
     'reference': (0.2, 2.8),
+    'delay': (0.3, 4.0),
 }
 
 
