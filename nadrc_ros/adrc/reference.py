@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from math import copysign, inf, sqrt
 
-from nadrc_ros.adrc.angle import short, whole
+from nadrc_ros.adrc.angle import whole
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST
 
@@ -92,7 +92,7 @@ def follow(design: Design, memory: Vector, r: float, came: bool, elapsed: float)
     period = design.measurement_period
     if period > 0.0:
         _turn_back(memory, whole(memory[_LAST], period))
-        r = memory[_LAST] + short(r - memory[_LAST], period)
+        r -= whole(r - memory[_LAST], period)
     if r == memory[_LAST]:
         if memory[_SPACING] < 0.0:
             memory[_SINCE] = 0.0
