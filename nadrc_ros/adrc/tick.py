@@ -61,7 +61,6 @@ def tick(
     if possible and policy.measurement_age == inf:
         if policy.reference_age == inf and not referenced:
             _hold(reference, measurement)
-        reference[0] -= whole(reference[0] - measurement, period)
         state.feed_forward[0] = feed_forward
         start(design, measurement, applied, reference[0], state)
     command, status = step(
