@@ -94,16 +94,17 @@ def test_p05_an_echo_of_our_own_commands_costs_nothing_of_the_rate(late: int) ->
     assert fastest == pytest.approx(30.0 * H)
 
 
-def test_p05_behind_a_limit_the_command_comes_back_at_once() -> None:
+@pytest.mark.parametrize('sign', (1.0, -1.0))
+def test_p05_behind_a_limit_the_command_comes_back_at_once(sign: float) -> None:
     """And not at the rate limit from where it went in vain."""
     settings = ControllerSettings(command_rate_limit=30.0, applied_timeout=0.1, plant_order=1)
     controller = Controller(settings, checked=True)
     u = 0.0
     for _ in range(500):
-        u = controller.tick(0.0, H, reference=[100.0], applied=clipped(u, 5.0))
-    assert u == 100.0
-    u = controller.tick(0.0, H, reference=[-100.0], applied=5.0)
-    assert u == pytest.approx(5.0 - 30.0 * H, abs=1e-9)
+        u = controller.tick(0.0, H, reference=[100.0 * sign], applied=clipped(u, 5.0))
+    assert u == 100.0 * sign
+    u = controller.tick(0.0, H, reference=[-100.0 * sign], applied=5.0 * sign)
+    assert u == pytest.approx(sign * (5.0 - 30.0 * H), abs=1e-9)
 
 
 @pytest.mark.parametrize(('gain', 'bias'), ((1.2, 0.0), (0.8, 0.0), (1.0, 0.5), (1.0, -0.5)))
@@ -134,15 +135,14 @@ def test_a_report_by_another_measure_does_not_carry_the_command_away(
 
 
 def test_what_is_old_or_no_number_is_not_taken() -> None:
-    controller = Controller(ControllerSettings(applied_timeout=0.055), checked=True)
+    controller = Controller(ControllerSettings(applied_timeout=0.055), enabled=False)
     controller.tick(0.0, H, reference=[0.0], applied=FOREIGN)
     for applied in (None, NAN, INF, -1e16, None):
         controller.tick(0.0, H, applied=applied)
         assert controller.sample.applied == FOREIGN
     for _ in range(3):
-        u = controller.command
         controller.tick(0.0, H)
-        assert controller.sample.applied == u
+        assert controller.sample.applied == controller.command == 0.0
     controller.tick(0.0, H, applied=-FOREIGN, applied_age=0.06)  # it was long on its way
     assert controller.sample.applied != -FOREIGN
 

@@ -133,6 +133,23 @@ def test_p12_a_change_under_feed_forward_is_bumpless(case: str, change: dict[str
     assert runs[1] == pytest.approx(runs[0], abs=1e-9)
 
 
+@pytest.mark.parametrize('structure', NAMES)
+def test_under_a_constant_one_nothing_moves_after_a_change_or_a_fault(structure: str) -> None:
+    """What the observers have is re-solved without it, and so is what the law usually asks for."""
+    settings = ControllerSettings(structure=structure, measurement_timeout=0.05, hold_time=10.0)
+    controller, chain = Controller(settings, checked=True), Chain(2)
+    for k in range(900):
+        if k == 500:
+            controller.retune(attrs.evolve(settings, b0=1.5))
+        y = NAN if 700 < k < 720 else chain.y
+        u = controller.tick(y, H, reference=[0.0], feed_forward=5.0)
+        if k >= 400:
+            assert u == pytest.approx(5.5, abs=1e-3)
+        if k == 719:
+            assert controller.mode == Mode.HOLDING
+        chain.advance(u - 5.5, H)
+
+
 @pytest.mark.parametrize('lost', (None, NAN, INF, -1e16))
 @pytest.mark.parametrize('rate', (20.0, 0.0))
 def test_silence_or_what_is_no_number_ramps_it_out(lost: float | None, rate: float) -> None:

@@ -7,15 +7,17 @@ from collections.abc import Callable
 import attrs
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.controller import ControllerNode
+from nadrc_ros.ros.topics import SEND
 from nadrc_ros.scenario import loads
 from nadrc_ros.simulation.simulate import Result
 from nadrc_ros.testing import scenario_loop
 import numpy as np
 from probe import Probe
 from rclpy.timer import Timer
+from std_msgs.msg import Float64MultiArray
 
 Make = Callable[..., Probe]
-RATE, FOREIGN = 50.0, 7.3
+RATE, FOREIGN, NAN = 50.0, 7.3, float('nan')
 
 SCENARIO = """
 plant: {name: chain, order: 2}
@@ -60,20 +62,20 @@ def test_p11_enabling_begins_with_the_reported_command_and_goes_on_with_our_own(
         'feed_forward_timeout': 0.5,
         'measurement_timeout': 0.0,
         'command_rate_limit': 20.0,
+        'wiring.applied': '/drive std_msgs/msg/Float64MultiArray data[1]',
     }
     probe = make_probe(parameters={'controller': own})
     node: ControllerNode = probe.add(ControllerNode())
     commands = probe.listen('command')
-    measure, report, feed = (
-        probe.publisher(t) for t in ('measurement', 'applied', 'feed_forward')
-    )
+    measure, feed = probe.publisher('measurement'), probe.publisher('feed_forward')
+    report = probe.node.create_publisher(Float64MultiArray, '/drive', SEND)
     probe.wait_until(lambda: probe.readers('measurement') and probe.readers('feed_forward'))
     reporting = True
 
     def tell() -> None:
         measure(0.0)
         if reporting:
-            report(FOREIGN)
+            report.publish(Float64MultiArray(data=[NAN, FOREIGN]))
             feed(1.0)
 
     timer: Timer = probe.node.create_timer(1.0 / RATE, tell)
