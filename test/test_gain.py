@@ -212,3 +212,25 @@ def test_the_truth_of_a_record_is_for_the_b0_that_was_looked_up() -> None:
     assert found.tolist() == [1.0, -1.0, -6.0, 0.0]
     unknown = attrs.evolve(settings, b0_source='topic')
     assert np.isnan(scheduled(columns, command, truth, [(0.0, unknown)])).all()
+
+
+def test_a_table_of_another_sign_waits_until_the_loop_is_open() -> None:
+    settings = ControllerSettings(b0=2.0, b0_table=(0.0, 1.0, 4.0, 5.0))
+    reversed_table = attrs.evolve(settings, b0=-2.0, b0_table=(0.0, -1.0, 4.0, -5.0))
+    controller, chain = Controller(settings, checked=True), Chain(2)
+    for k in range(600):
+        if k == 200:
+            with pytest.raises(SettingError, match='b0'):
+                controller.retune(reversed_table)
+            controller.enabled = False
+        if k == 210:
+            controller.retune(reversed_table)
+        if k == 220:
+            applied, controller.enabled = controller.command, True
+        u = controller.tick(chain.y, H, reference=[1.0])
+        assert controller.b0 * (1.0 if k < 210 else -1.0) >= 1.0
+        if k == 220:
+            assert u == pytest.approx(applied, abs=1e-9)
+        # The actuator is turned round with it.
+        chain.advance((2.0 if k < 210 else -2.0) * u, H)
+    assert abs(chain.y - 1.0) < 1e-3
