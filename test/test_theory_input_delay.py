@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design
@@ -25,6 +26,12 @@ from theory_helpers import Loop, simulated_stable, WIDE, wide_design
 
 H = 0.01
 DELAY = 5.0 * H
+KNOWING: dict[str, Any] = {
+    'inner_bandwidth': 15.0,
+    'outer_bandwidth': 15.0,
+    'controller_bandwidth': 3.0,
+    'input_delay': 0.0437,
+}
 # Nearer to the edge of stability it takes too long to see on which side a run is.
 EDGE = 0.01
 
@@ -98,6 +105,24 @@ def test_at_the_advised_bandwidth_a_delay_that_is_a_period_off_leaves_the_loop_s
             delay = periods * H
             assert is_stable_loop(delayed_loop(design, chain(n, 1.0), H, delay))
             assert simulated_stable(design, chain(n, 1.0), H, 0.01, delay)
+
+
+@pytest.mark.parametrize(
+    'known',
+    (
+        {'plant_poles': (-2.0, 0.0)},
+        {'disturbance_frequencies': (9.0,)},
+        {'error_based': True, 'levels': 3, 'structure': 'cascade'},
+    ),
+)
+def test_so_are_those_of_a_law_that_knows_more_than_the_delay(known: dict[str, Any]) -> None:
+    design = wide_design(**KNOWING | known)
+    plant = chain(2, 1.0, [0.0, 2.0] if 'plant_poles' in known else [])
+    loop = delayed_loop(design, plant, H, DELAY)
+    assert is_stable_loop(loop)
+    (response,), _ = step_responses(loop, [REFERENCE], 3.0)
+    run = Loop(design, plant, H, DELAY, start=0.0).run(300, [1.0])
+    np.testing.assert_allclose(run, response[:300], atol=1e-9)
 
 
 def test_noise_and_step_response_are_those_of_the_law_that_runs() -> None:
