@@ -21,7 +21,7 @@ from math import isfinite, isnan, nan
 from types import FunctionType
 from typing import Any
 
-from nadrc_ros.adrc import delay_line, internal_model, law, observer, transfer
+from nadrc_ros.adrc import delay_line, internal_model, law, observer, transfer, transition
 from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.reference import estimated, follow
@@ -32,7 +32,9 @@ from nadrc_ros.adrc.state import (
     damping,
     disturbance_estimate,
     output_estimate,
+    reference_share,
     rest,
+    settled,
     start,
 )
 from nadrc_ros.adrc.status import MODE_OK
@@ -70,7 +72,10 @@ _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
 _NOT_INLINED = (
     *(law._refuse, law._restart, start, rest, delay_line.pass_through),
     *(transfer.restart_profile, observer.place, follow),
-    internal_model.update_known,
+    *(internal_model.update_known, internal_model.place_known, internal_model.observe),
+    *(internal_model.place_level, internal_model.apply, internal_model.restore),
+    *(internal_model.foresee, internal_model.lead, settled, reference_share),
+    *(transition.polynomials, transition.exponential, transition.taylor, transition.solve),
 )
 # Compiled once for all loops, which takes longer than the rest of one.
 _SHARED = (tick, follow)
