@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import pi, sin
+from math import cos, pi, sin
 from typing import Any
 
 import attrs
@@ -89,9 +89,9 @@ def test_noise_of_one_that_moves_costs_less_than_to_observe_the_error() -> None:
 def test_a_clean_reference_has_its_derivatives_after_three_samples() -> None:
     design, memory = make_design(ControllerSettings()), blank_memory()
     for _ in range(40):
-        follow(design, memory, 3.0, True, H)
+        follow(design, memory, 3.0, True, H, 0.0)
     for k in range(1, 5):
-        follow(design, memory, 3.0 + (k * H) ** 2, True, H)
+        follow(design, memory, 3.0 + (k * H) ** 2, True, H, 0.0)
     assert estimated(memory, 1) == pytest.approx(8.0 * H)
     assert estimated(memory, 2) == pytest.approx(2.0)
 
@@ -110,17 +110,17 @@ def test_one_that_stops_or_ceases_has_none() -> None:
     for came, ticks in ((True, 1), (False, 3)):
         design, memory = make_design(ControllerSettings()), blank_memory()
         for k in range(20):
-            follow(design, memory, 0.5 * k * H, True, H)
+            follow(design, memory, 0.5 * k * H, True, H, 0.0)
         assert estimated(memory, 1) == pytest.approx(0.5, rel=1e-3)
         for _ in range(ticks + came):
-            follow(design, memory, 0.5 * 19 * H, came, H)
+            follow(design, memory, 0.5 * 19 * H, came, H, 0.0)
         assert estimated(memory, 1) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_step_of_one_that_moves_leaves_the_rate() -> None:
     design, memory = make_design(ControllerSettings()), blank_memory()
     for k in range(100):
-        follow(design, memory, 0.5 * k * H + (k > 60), True, H)
+        follow(design, memory, 0.5 * k * H + (k > 60), True, H, 0.0)
         if k > 10:
             assert estimated(memory, 1) == pytest.approx(0.5, rel=0.03)
 
@@ -128,7 +128,7 @@ def test_a_step_of_one_that_moves_leaves_the_rate() -> None:
 def test_setpoints_further_apart_than_the_loop_settles_are_steps() -> None:
     design, memory = make_design(ControllerSettings(controller_bandwidth=10.0)), blank_memory()
     for k in range(2000):
-        follow(design, memory, float(k // 50), k % 50 == 0, H)
+        follow(design, memory, float(k // 50), k % 50 == 0, H, 0.0)
         assert estimated(memory, 1) == estimated(memory, 2) == 0.0
 
 
@@ -157,22 +157,23 @@ def test_derivatives_that_come_are_taken_and_those_that_cease_are_estimated() ->
                 st.none(), st.floats(LOWEST, HIGHEST), st.sampled_from((0.0, 1.0, 1.0 + 1e-9))
             ),
             st.sampled_from((0.0, 1e-9, H, H, H, 0.3, 1e300, INF)),
+            st.sampled_from((0.0, 0.0, -H, H, 1e-12, 1e300, INF, NAN)),
         ),
         max_size=40,
     ),
 )
 @at_least(100)
 def test_p02_whatever_comes_the_derivatives_are_numbers(
-    n: int, bandwidth: float, samples: list[tuple[float | None, float]]
+    n: int, bandwidth: float, samples: list[tuple[float | None, float, float]]
 ) -> None:
     design = make_design(ControllerSettings(plant_order=n, controller_bandwidth=bandwidth))
     memory = blank_memory()
-    for r, elapsed in samples:
-        follow(design, memory, NAN if r is None else r, r is not None, elapsed)
+    for r, elapsed, span in samples:
+        follow(design, memory, NAN if r is None else r, r is not None, elapsed, span)
         for i in (1, 2):
             assert LOWEST <= estimated(memory, i) <= HIGHEST
     for _ in range(400):  # and it finds back
-        follow(design, memory, 2.0, True, H)
+        follow(design, memory, 2.0, True, H, 0.0)
     assert estimated(memory, 1) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -182,8 +183,21 @@ def test_an_angle_that_wraps_has_the_derivatives_of_one_that_turns(period: float
     memories = blank_memory(), blank_memory()
     for k in range(3000):
         turned = period * (0.3 * sin(0.01 * k) + 0.002 * k)
-        follow(wrapped, memories[0], (turned + 0.5 * period) % period - 0.5 * period, True, H)
-        follow(make_design(ControllerSettings()), memories[1], turned, True, H)
+        follow(wrapped, memories[0], (turned + 0.5 * period) % period - 0.5 * period, True, H, 0.0)
+        follow(make_design(ControllerSettings()), memories[1], turned, True, H, 0.0)
         for i in (1, 2):
             found, wanted = (estimated(memory, i) for memory in memories)
             assert found == pytest.approx(wanted, abs=period * 10.0 ** (3 * i - 6))
+
+
+@pytest.mark.parametrize('rate', (199.0, 250.0, 120.0))
+def test_where_it_is_told_when_samples_were_sent_the_ticks_do_not_matter(rate: float) -> None:
+    """A publisher of another rate sends two between two ticks, or none."""
+    design, memory, sent = make_design(ControllerSettings()), blank_memory(), 0
+    for k in range(1000):
+        last, sent = sent, int(k * H * rate)
+        t = sent / rate
+        follow(design, memory, sin(t), sent > last, H, (sent - last) / rate)
+        if k > 200:
+            assert estimated(memory, 1) == pytest.approx(cos(t), abs=0.01)
+            assert estimated(memory, 2) == pytest.approx(-sin(t), abs=0.1)

@@ -99,6 +99,7 @@ class Controller:
         elapsed: float | None = None,
         age: float = 0.0,
         reference: Sequence[float | None] | None = None,
+        reference_span: float = 0.0,
         applied: float | None = None,
         applied_age: float = 0.0,
         followed: bool = True,
@@ -123,6 +124,9 @@ class Controller:
             last one, for at most ``max_dt``, then for 0, without a bump. One that is left out is
             0; with ``reference_derivatives = auto`` it is estimated from the samples of r, as is
             one that does not come any more.
+        reference_span
+            Time from when the reference before was sent to when this one was [s], for its rate; 0
+            for the time between the ticks that took them.
         applied
             The command that really acted since the last tick [command unit], None when nobody said
             so. It counts for ``applied_timeout`` from when it did, in this tick at least; then the
@@ -154,7 +158,7 @@ class Controller:
         if feed_forward is not None or fed != 0.0:
             rate_limit = self.design.command_rate_limit
             fed = self.commands.feed_forward(feed_forward, fed, rate_limit, elapsed)
-        referenced = self.intake.advance(self.design, reference, elapsed)
+        referenced = self.intake.advance(self.design, reference, elapsed, reference_span)
         gap = self.policy.gap
         sample = Sample(
             measurement,

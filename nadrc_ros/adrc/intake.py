@@ -21,6 +21,8 @@ class ReferenceIntake:
         r and its derivatives (n+1,) as they are followed.
     memory
         What the samples of r show of its derivatives, see :mod:`~nadrc_ros.adrc.reference`.
+    span
+        What was said of the time since the reference before [s], 0 for nothing.
     refused
         The last reference, if it was out of range; nan once a good one came.
 
@@ -31,6 +33,7 @@ class ReferenceIntake:
         self.values = [0.0] * size
         self.memory = blank_memory()
         self.refused = nan
+        self.span = 0.0
         self._counts = counts
         self._received = 1 + settings.received_derivatives
         self._auto = settings.reference_derivatives == 'auto'
@@ -39,16 +42,21 @@ class ReferenceIntake:
         self._incomplete = self._auto
 
     def advance(
-        self, design: Design, reference: Sequence[float | None] | None, elapsed: float
+        self,
+        design: Design,
+        reference: Sequence[float | None] | None,
+        elapsed: float,
+        span: float,
     ) -> bool:
         """Let ``elapsed`` seconds pass and take a reference, if one came; tell whether it is."""
+        self.span = span
         ages = self._ages
         for i in range(1, len(ages)):
             ages[i] += elapsed
         taken = reference is not None and self._take(design, reference)
         if self._incomplete:
             values = self.values
-            if follow(design, self.memory, values[0], taken, elapsed):
+            if follow(design, self.memory, values[0], taken, elapsed, span):
                 for i in range(1, self._received):
                     if self._estimated[i]:
                         values[i] = estimated(self.memory, i)

@@ -64,11 +64,14 @@ def estimated(memory: Vector, order: int) -> float:
     return memory[_PLACE + order]
 
 
-def follow(design: Design, memory: Vector, r: float, came: bool, elapsed: float) -> bool:
+def follow(
+    design: Design, memory: Vector, r: float, came: bool, elapsed: float, span: float
+) -> bool:
     """
     Take a sample ``r`` of the reference, if one ``came``; tell whether derivatives may be others.
 
-    ``elapsed`` is the time since the last call [s], ``memory`` what :func:`blank_memory` returns.
+    ``elapsed`` is the time since the last call [s], ``span`` that since the sample before it was
+    sent, if it is above 0, and ``memory`` what :func:`blank_memory` returns.
     """
     memory[_SILENT] += elapsed
     moving = memory[_SPACING] > 0.0
@@ -77,7 +80,7 @@ def follow(design: Design, memory: Vector, r: float, came: bool, elapsed: float)
         if moving and silent:
             _rest(memory, memory[_LAST])
         return moving and silent
-    lapse = memory[_SILENT]
+    lapse = span if span > 0.0 else memory[_SILENT]
     memory[_SILENT] = 0.0
     memory[_SINCE] += lapse
     memory[_STILL] += lapse

@@ -68,6 +68,8 @@ class ControllerNode(LiveNode):
         self.reference_from = self._loop.reference_from
         references = () if self.reference_from else reference_topics(settings)
         self._reference: list[float | None] = [None] * len(references)
+        self._reference_seen: tuple[Info, int] | None = None
+        self._reference_span = 0.0
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = self._idle = 0
         self._stopping = self._silent_at_stop = False
@@ -94,6 +96,7 @@ class ControllerNode(LiveNode):
                 self.inputs[0].skipped = self._sample_ticker.skip
             self._wiring.flush_after(self.timer)
             self._times = self._wiring.sample_times(self.pacing.period)
+            self._reference_times = self._wiring.reference_times(self.pacing.period)
             self._now = self._optional.now = self.ticker.now
             self._ticked = self._now()
             doubts = Doubts(self.controller, rate, self._parameter_overrides, self.remarks)
@@ -195,8 +198,12 @@ class ControllerNode(LiveNode):
             self._sample_ticker.count(info['publication_sequence_number'])
             self._wiring.exchange.flush()
 
-    def _on_reference(self, index: int, value: float, _: Info) -> None:
+    def _on_reference(self, index: int, value: float, info: Info) -> None:
         self._reference[index] = value
+        if index == 0:
+            if self._reference_seen is not None:
+                self._reference_times.saw(self._reference_seen[0], info)
+            self._reference_seen = info, self._now()
 
     def on_timer(self, elapsed: float = 0.0, periods: int = 1) -> None:
         """Do one tick with the newest sample, or without one; the time is that since the last."""
@@ -220,8 +227,12 @@ class ControllerNode(LiveNode):
         """Return a reference that came since the last step, None for derivatives that did not."""
         if self.controller.outer is not None:
             return self.controller.outer.command, 0.0, 0.0  # what feeds back has no feed-forward
+        self._reference_span = 0.0
         if self._reference[0] is None:
             return None
+        if self._reference_seen is not None:
+            self._reference_span = self._reference_times.span(*self._reference_seen)
+            self._reference_seen = None
         taken, self._reference = self._reference, [None] * len(self._reference)
         return taken
 
@@ -245,7 +256,13 @@ class ControllerNode(LiveNode):
         controller = self.controller
         applied, settings = controller.command, controller.settings
         command = controller.tick(
-            measurement, dt, elapsed=elapsed, age=age, reference=reference, **self._optional.take()
+            measurement,
+            dt,
+            elapsed=elapsed,
+            age=age,
+            reference=reference,
+            reference_span=self._reference_span,
+            **self._optional.take(),
         )
         silent = self._rivals.mute or (self._silent and controller.quiet)
         if not silent or self.lockstep is not None:

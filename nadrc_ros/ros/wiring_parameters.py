@@ -204,14 +204,22 @@ class Wiring:
 
     def sample_times(self, period: float) -> SampleTimes:
         """Return what tells the times of measurements, by their headers where these count."""
-        by_header = self._by_header
-        self._times = SampleTimes(
+        self._times = self._times_of('measurement', period)
+        return self._times
+
+    def reference_times(self, period: float) -> SampleTimes:
+        """Return what tells the times of references, likewise."""
+        return self._times_of('reference', period)
+
+    def _times_of(self, name: str, period: float) -> SampleTimes:
+        wire = self.wires.get(name)
+        by_header = wire is not None and wire.by_header
+        return SampleTimes(
             period,
             stamped=by_header or not self._simulated,
             wall=self.now if by_header else time.time_ns,
             numbered=not by_header,
         )
-        return self._times
 
     def answer(self, info: Info | None, held: bool = False) -> None:
         """Note which sample is answered next, none unless the command of the last is ``held``."""

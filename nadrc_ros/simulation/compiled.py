@@ -177,7 +177,7 @@ def compiled_loop(
                 reference[i] = 0.0
             for i in range(known):
                 reference[i] = r[i]
-            if estimates > 0 and follow(facing, memory, r[0], True, h):
+            if estimates > 0 and follow(facing, memory, r[0], True, h, 0.0):
                 for i in range(1, 1 + estimates):
                     reference[i] = estimated(memory, i)
             y = output(plant, x)
