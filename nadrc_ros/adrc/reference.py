@@ -34,12 +34,13 @@ _SHORTEST, _LONGEST = 0.02, 2.0
 _STOPPED, _CEASED = 1.5, 2.5
 # In standard deviations: what is no noise of a sample, and what is none of a filter.
 _JUMP, _CLEAR = 6.0, 5.0
-# A change that grows by less from one sample to the next is one motion.
-_GROWTH = 10.0
+# A change that grows by less from one sample to the next is one motion; one below this share of
+# what the rate says is a stop.
+_GROWTH, _STANDS = 10.0, 0.1
 # The noise is the mean over so many samples, the first of which only teach it; to forget noise it
 # takes more: an estimate that is too low by chance makes motion of noise. It begins as this share
 # of a change, and one sample counts for no more than so many variances.
-_LEARNT, _FORGOTTEN, _LEAST, _MOST = 10.0, 20.0, 2e-3, 16.0
+_LEARNT, _FORGOTTEN, _LEAST, _MOST, _RETURNS = 10.0, 20.0, 2e-3, 16.0, 0.3
 # Of a double, and the slack of a sum of periods.
 _RESOLUTION, _SLACK = 1e-10, 1e-6
 
@@ -145,24 +146,26 @@ def _use(design: Design, memory: Vector, r: float) -> None:
             memory[_SPACING] = dt
         else:
             memory[_SPACING] += 0.3 * (dt - spacing)
-    noise = sqrt(memory[_NOISE])
-    _learn(memory, r, dt, change)
-
-    # What of the sample is motion, and what a step.
     rate, acceleration, before = memory[_RATE], memory[_ACCELERATION], memory[_EXCESS]
     excess = r - memory[_PLACE] - dt * (rate + 0.5 * acceleration * dt)
+    noise = sqrt(memory[_NOISE])
+    returns = before * excess < 0.0 and abs(excess) > _RETURNS * abs(before)
+    _learn(memory, r, dt, change, returns and memory[_STEP] != 0.0)  # then it was no step
+
+    # What of the sample is motion, and what a step.
     rate += acceleration * dt
     allowed = _JUMP * noise
     sure = abs(excess) <= allowed
-    if before * excess > 0.0:
+    if before * excess > 0.0 and abs(before) > allowed:
         sure = sure or abs(excess) <= _GROWTH * abs(before)
         allowed = max(allowed, _GROWTH * abs(before) * dt / memory[_SPAN])
-    if rate * excess < 0.0:
+    if change <= _STANDS * abs(rate) * dt:
         allowed = max(allowed, abs(rate) * dt)
     step = 0.0
     if abs(excess) > allowed:
         step = excess - copysign(allowed, excess)
     sure = sure and memory[_STEP] == 0.0
+    shorter = min(dt, memory[_SPAN]) if memory[_SPAN] > 0.0 else dt
     memory[_EXCESS], memory[_SPAN], memory[_STEP] = excess, dt, step
 
     # Each filter counts by what it adds to the command: wc r' + (n - 1) / 2 r'', over n wc^(n-2).
@@ -189,11 +192,11 @@ def _use(design: Design, memory: Vector, r: float) -> None:
             memory[i + 2] += p * p * p * off / (h * h)
         effect = wc * memory[i + 1] + share * memory[i + 2]
         # The variances of r' h and r'' h^2, and their covariance, under noise of variance 1.
-        x = wc * h
+        x = wc * shorter
         spread = x * x * (6.5 + z * (25.0 + 24.5 * z))
         spread += share * p * (x * (12.0 + 24.0 * z) + 6.0 * share * p)
         spread *= p * p * p / ((1.0 + z) * (1.0 + z) * (1.0 + z))
-        spread = _CLEAR * noise * sqrt(spread) / ((1.0 + z) * h * h)
+        spread = _CLEAR * noise * sqrt(spread) / ((1.0 + z) * shorter * shorter)
         rests = rests and abs(effect) <= spread
         agreed = agreed and low <= effect <= high
         if agreed:
@@ -211,7 +214,7 @@ def _use(design: Design, memory: Vector, r: float) -> None:
             memory[_ACCELERATION] = min(max(memory[chosen + 2], LOWEST), HIGHEST)
 
 
-def _learn(memory: Vector, r: float, dt: float, change: float) -> None:
+def _learn(memory: Vector, r: float, dt: float, change: float, returns: bool) -> None:
     """Take into the variance of the noise how far ``r`` is from a parabola through the last."""
     for i in range(3):
         memory[_AGES + i] += dt
@@ -225,7 +228,8 @@ def _learn(memory: Vector, r: float, dt: float, change: float) -> None:
         square = off * off / (1.0 + wa * wa + wb * wb + wc * wc)
         pace = min(memory[_COUNT], _LEARNT)
         if memory[_COUNT] > _LEARNT:
-            square = min(square, _MOST * noise)
+            if not returns:
+                square = min(square, _MOST * noise)
             if square < noise:
                 pace = _FORGOTTEN
         noise += (square - noise) / pace
