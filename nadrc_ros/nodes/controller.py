@@ -21,6 +21,7 @@ from nadrc_ros.nodes.estimates import Estimates, loop_values
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.optional_inputs import OptionalInputs
+from nadrc_ros.nodes.reference_input import ReferenceInput
 from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.records.step_trace import TraceWriter
 from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
@@ -67,9 +68,7 @@ class ControllerNode(LiveNode):
         )
         self.reference_from = self._loop.reference_from
         references = () if self.reference_from else reference_topics(settings)
-        self._reference: list[float | None] = [None] * len(references)
-        self._reference_seen: tuple[Info, int] | None = None
-        self._reference_span = 0.0
+        self._reference = ReferenceInput(len(references))
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = self._idle = 0
         self._stopping = self._silent_at_stop = False
@@ -80,7 +79,7 @@ class ControllerNode(LiveNode):
         self._command = self._wiring.add_output('command', settings.safe_command)
         self._wiring.add_input('measurement', self._on_measurement, silence=WARN, regular=True)
         for i, topic in enumerate(references):
-            self._wiring.add_input(topic, partial(self._on_reference, i), silence=None)
+            self._wiring.add_input(topic, partial(self._reference.receive, i), silence=None)
         self._optional = OptionalInputs(self._wiring, self.controller, self.pacing.period)
         self._sample_ticker: SampleTicker | None = None
         if not in_lockstep:
@@ -96,8 +95,8 @@ class ControllerNode(LiveNode):
                 self.inputs[0].skipped = self._sample_ticker.skip
             self._wiring.flush_after(self.timer)
             self._times = self._wiring.sample_times(self.pacing.period)
-            self._reference_times = self._wiring.reference_times(self.pacing.period)
             self._now = self._optional.now = self.ticker.now
+            self._reference.time_by(self._wiring.reference_times(self.pacing.period), self._now)
             self._ticked = self._now()
             doubts = Doubts(self.controller, rate, self._parameter_overrides, self.remarks)
             expected = self.inputs[1 : 1 + len(references)]
@@ -198,13 +197,6 @@ class ControllerNode(LiveNode):
             self._sample_ticker.count(info['publication_sequence_number'])
             self._wiring.exchange.flush()
 
-    def _on_reference(self, index: int, value: float, info: Info) -> None:
-        self._reference[index] = value
-        if index == 0:
-            if self._reference_seen is not None:
-                self._reference_times.saw(self._reference_seen[0], info)
-            self._reference_seen = info, self._now()
-
     def on_timer(self, elapsed: float = 0.0, periods: int = 1) -> None:
         """Do one tick with the newest sample, or without one; the time is that since the last."""
         now = self._now()
@@ -227,14 +219,7 @@ class ControllerNode(LiveNode):
         """Return a reference that came since the last step, None for derivatives that did not."""
         if self.controller.outer is not None:
             return self.controller.outer.command, 0.0, 0.0  # what feeds back has no feed-forward
-        self._reference_span = 0.0
-        if self._reference[0] is None:
-            return None
-        if self._reference_seen is not None:
-            self._reference_span = self._reference_times.span(*self._reference_seen)
-            self._reference_seen = None
-        taken, self._reference = self._reference, [None] * len(self._reference)
-        return taken
+        return self._reference.take()
 
     def on_samples(self, values: list[float]) -> None:
         """Do one tick of lockstep."""
@@ -255,14 +240,9 @@ class ControllerNode(LiveNode):
         """Let the controller tick with a sample, or with nan, and send what comes of it."""
         controller = self.controller
         applied, settings = controller.command, controller.settings
+        more = self._optional.take() | {'reference_span': self._reference.span}
         command = controller.tick(
-            measurement,
-            dt,
-            elapsed=elapsed,
-            age=age,
-            reference=reference,
-            reference_span=self._reference_span,
-            **self._optional.take(),
+            measurement, dt, elapsed=elapsed, age=age, reference=reference, **more
         )
         silent = self._rivals.mute or (self._silent and controller.quiet)
         if not silent or self.lockstep is not None:
