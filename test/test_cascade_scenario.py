@@ -27,6 +27,7 @@ CASCADE: dict[str, Any] = {
 SCENARIO: dict[str, Any] = {
     'plant': {'name': 'chain', 'order': 2, 'damping': 0.5, 'initial_state': [0.2, -1.0]},
     'reference': {'signal': 'cosine', 'frequency': 2.0},
+    'disturbance': {'signal': 'decaying_cosine', 'frequency': 3.0},  # compiled for other tests too
     'noise': {'variance': 1e-6, 'derivative_variances': [1e-4]},
     'seed': 5,
     'rate': 100,
