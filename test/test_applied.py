@@ -94,6 +94,36 @@ def test_p05_an_echo_of_our_own_commands_costs_nothing_of_the_rate(late: int) ->
     assert fastest == pytest.approx(30.0 * H)
 
 
+@pytest.mark.parametrize('what', ('gap', 'reset', 'hold', 'end of a hold'))
+def test_p05_p10_nor_does_one_take_the_command_back_where_the_law_begins_anew(what: str) -> None:
+    """The report is of the command of 0.05 s ago, on a way at the rate limit."""
+    settings = ControllerSettings(
+        command_rate_limit=30.0,
+        applied_timeout=0.2,
+        max_dt=0.1,
+        measurement_timeout=0.03,
+        hold_time=1.0,
+    )
+    controller, late = Controller(settings, checked=True), 5
+    commands = [0.0] * late
+    for k in range(60):
+        y, dt = 0.0, 0.2 if what == 'gap' and k == 40 else H
+        if what == 'reset' and k == 40:
+            controller.reset()
+        if 'hold' in what and 40 <= k < (60 if what == 'hold' else 46):
+            y, dt = NAN, 0.0
+        u = controller.tick(
+            y,
+            dt,
+            elapsed=H,
+            reference=[5.0],
+            applied=commands[-late],
+            applied_age=(late - 1) * H,
+        )
+        assert commands[-1] - 1e-12 <= u <= commands[-1] + 30.0 * H * (1.0 + 1e-9), k
+        commands.append(u)
+
+
 @pytest.mark.parametrize('sign', (1.0, -1.0))
 def test_p05_behind_a_limit_the_command_comes_back_at_once(sign: float) -> None:
     """And not at the rate limit from where it went in vain."""

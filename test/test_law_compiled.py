@@ -17,7 +17,20 @@ import numba
 import numpy as np
 import pytest
 
-CASES = varied_settings()
+ALL: dict[str, Any] = {
+    'b0': -2.0,
+    'b0_table': (-1.0, -0.5, 0.5, -2.0, 1.0, -1.0),
+    'measurement_period': 0.5,
+    'input_delay': 0.0237,
+    'plant_poles': (-3.0, 0.0),
+    'disturbance_frequencies': (30.0, 7.0),
+    'error_deadband': 0.3,
+    'command_rate_limit': 400.0,
+}
+CASES = varied_settings() | {
+    'all': ALL,
+    'all-error': ALL | {'error_based': True, 'structure': 'printed', 'feedback': 'fal'},
+}
 TICKS = 5000
 
 

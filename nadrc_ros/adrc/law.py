@@ -21,7 +21,7 @@ from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.differentiator import track
 from nadrc_ros.adrc.gain import begin_gain, follow_gain
 from nadrc_ros.adrc.internal_model import update_known
-from nadrc_ros.adrc.limiter import clamp, limit
+from nadrc_ros.adrc.limiter import clamp, limit, present
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST
 from nadrc_ros.adrc.state import copy_state, copy_vector, match_command, raw_command, rest, State
@@ -108,7 +108,7 @@ def step(
             state,
             reference,
             measurement,
-            applied,
+            present(sent, downstream),
             acting,
             out,
             gain_variable,
@@ -159,7 +159,7 @@ def step(
             state,
             reference,
             measurement,
-            applied,
+            present(sent, downstream),
             acting,
             out,
             gain_variable,

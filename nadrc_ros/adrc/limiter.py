@@ -62,3 +62,8 @@ def acting_downstream(design: Design, applied: float, sent: float, time: float) 
     if sent < applied - change:
         return applied - change
     return sent
+
+
+def present(sent: float, downstream: float) -> float:
+    """Return the command that acts now, as far as it is known: where another may, that one."""
+    return downstream if downstream == downstream else sent

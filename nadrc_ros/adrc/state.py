@@ -132,7 +132,8 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
     out.levels[0][design.order] = -out.gain[0] * applied
     if design.known:
         out.levels[0][design.order] += design.damping[0] * out.levels[0][0]
-    out.resting[0] = out.resting[3] = 0.0
+    for i in range(len(out.resting)):
+        out.resting[i] = 0.0
     out.offset[0] = out.offset[1] = 0.0
     out.since_sample[1] = 0.0
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - out.feed_forward[0]

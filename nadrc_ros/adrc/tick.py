@@ -8,10 +8,17 @@ from nadrc_ros.adrc.angle import counted, receive, recentre, unwrapped, whole
 from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.law import step
-from nadrc_ros.adrc.limiter import acting_downstream, clamp, limit
+from nadrc_ros.adrc.limiter import acting_downstream, clamp, limit, present
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import average_command, match_command, raw_command, start, State
-from nadrc_ros.adrc.status import HOLDING, MODE_OK, NO_MEASUREMENT, REFERENCE_TIMEOUT, SATURATED
+from nadrc_ros.adrc.status import (
+    HOLDING,
+    MODE_OK,
+    NO_MEASUREMENT,
+    REFERENCE_TIMEOUT,
+    SAFE,
+    SATURATED,
+)
 from nadrc_ros.adrc.supervisor import PolicyState, supervise
 from nadrc_ros.adrc.transfer import adopt_reference, restart_profile, turn_profile
 
@@ -42,8 +49,8 @@ def tick(
        and with the feed-forward.
     4. The policy decides whether the law may act, from what the law made of the sample.
     5. Derivatives of a reference that is older than ``max_dt``, or lost, count as 0 from now on.
-    6. The command is the law's in OK, but ``applied`` on entering it, and the law goes on from
-       there; what was ``applied`` then while holding, unless only the reference is missing: then
+    6. The command is the law's in OK, but what acts on entering it, and the law goes on from
+       there; what acted then while holding, unless only the reference is missing: then
        the law keeps the plant at the last one; else it is on its way to ``safe_command``, and
        there at once where nothing follows it.
     """
@@ -102,8 +109,10 @@ def tick(
         adopt_reference(design, reference, out, sent, elapsed, downstream)
     if mode == MODE_OK:
         if policy.mode != MODE_OK:
-            _take_over(design, policy, after.reference_age, measurement, applied, reference, out)
-            command = clamp(design, applied)
+            # A report is of an older command: of ours, unless somebody else was in control.
+            now = applied if policy.mode == SAFE else present(sent, downstream)
+            _take_over(design, policy, after.reference_age, measurement, now, reference, out)
+            command = clamp(design, now)
     elif mode != HOLDING:
         out.resting[0] = 0.0
         command = design.safe_command
@@ -112,7 +121,7 @@ def tick(
     elif not lost:
         out.resting[0] = 0.0
         held = policy.mode == HOLDING and policy.cause != REFERENCE_TIMEOUT and sample.followed
-        command = clamp(design, sent if held else applied)
+        command = clamp(design, sent if held else present(sent, downstream))
     if period > 0.0:
         out.angle[1] = reference[0]
     return command, status, after
