@@ -222,7 +222,8 @@ def judge_tick(
     if kept is not None:
         expected = kept.tick(**told)
         assert u == pytest.approx(clamp(new, expected), rel=1e-12, abs=1e-9), label
-        if controller.mode == Mode.OK and mode == Mode.OK and used:
+        narrowed = limits[1] > 0.0 and not 0.0 < limits[0] <= limits[1]  # from the next tick on
+        if controller.mode == Mode.OK and mode == Mode.OK and used and not narrowed:
             raw = raw_command(new, controller.state)
             scale = 1e-12 * max(map(abs, (v for row in controller.state.levels for v in row)))
             over = min(gap + sample.span, sample.elapsed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from math import sin
 
+import attrs
 from law_helpers import Chain, state_bits
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
@@ -182,3 +183,23 @@ def test_p04_a_glitch_outside_the_range_of_the_sensor_is_no_sample() -> None:
     fresh = Controller(settings)
     fresh.tick(50.0, H, reference=[0.0])
     assert fresh.cause == Cause.START
+
+
+@pytest.mark.parametrize('poles', ((0.0,), (-2.0, 0.5)))
+@pytest.mark.parametrize('error_based', (False, True))
+def test_p12_estimates_of_the_error_have_the_rate_of_the_reference_of_now(
+    error_based: bool, poles: tuple[float, ...]
+) -> None:
+    """A differentiator that is switched off leaves them another one; the command jumped by 1.9."""
+    settings = ControllerSettings(
+        tracking_acceleration=5.0, error_based=error_based, plant_poles=poles
+    )
+    controller, chain = Controller(settings, checked=True), Chain(2)
+    for k in range(1000):
+        if k == 500:
+            controller.retune(attrs.evolve(settings, tracking_acceleration=0.0))
+        before = controller.command
+        push = sum(poles) * chain.x[1] - (poles[0] * poles[-1]) * chain.y
+        u = controller.tick(chain.y, H, reference=[0.5 * k * H, 0.5])
+        chain.advance(u + push, H)
+        assert k < 500 or abs(u - before) < 0.05

@@ -98,6 +98,12 @@ def retune(
     if old.tracking_acceleration > 0.0 >= new.tracking_acceleration:
         raw = raw_command(new, after)
         restart_profile(new, reference[0], after)
+        if new.error_based:
+            for i in range(1, n):
+                for k in range(new.levels):
+                    after.levels[k][i] -= reference[i]
+            after.levels[0][n] -= reference_share(new, reference)
+            after.levels[0][n] += reference_share(new, after.profile)
         after.profile[:] = reference
         after.offset[0] += raw - raw_command(new, after)
     return after
