@@ -53,7 +53,7 @@ PARTS = {
         *('test_dropped_ticks.py', 'test_sparse_samples.py', 'test_docs.py'),
     ),
     'theory': ('test_theory*.py', 'test_first_design.py'),
-    'ros/stamps.py': ('ros/test_stamps.py',),
+    'ros/stamps.py': ('ros/test_stamps*.py',),
     'tuning/design': ('test_first_design.py', 'test_design*.py', 'test_cli_design.py'),
     'tuning/identification': ('test_identif*.py', 'test_shaping.py', 'test_cli_identify.py'),
 }

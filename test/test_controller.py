@@ -315,6 +315,7 @@ def test_p11_to_have_waited_disabled_changes_nothing_of_the_start() -> None:
 
 def test_a_tick_of_nothing_takes_no_time() -> None:
     controller = Controller(ControllerSettings(measurement_timeout=0.5))
+    assert controller.sample.span == controller.sample.elapsed == 0.0  # none came yet
     for _ in range(10):
         controller.tick(0.1, H, reference=[0.2])
     for _ in range(5):

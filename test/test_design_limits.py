@@ -20,7 +20,13 @@ from nadrc_ros.tuning import LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import BAND, reference_step, settling_factor
 from nadrc_ros.tuning.design.candidates import single
 from nadrc_ros.tuning.design.first_design import first_design
-from nadrc_ros.tuning.design.limits import check, fastest, obstacle, robust_enough
+from nadrc_ros.tuning.design.limits import (
+    check,
+    fastest,
+    noise_budget,
+    obstacle,
+    robust_enough,
+)
 from nadrc_ros.tuning.design.prediction import settling_time
 from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import pytest
@@ -68,6 +74,18 @@ def test_a_disturbance_is_seen_below_half_the_rate() -> None:
     check(wanted(disturbance_frequency=0.9 * 500.0 * pi))
     with pytest.raises(Conflict, match='below 1571 rad/s, half the rate'):
         check(wanted(disturbance_frequency=1.1 * 500.0 * pi))
+
+
+def test_noise_may_take_a_third_of_the_range_of_the_command_or_what_is_asked_for() -> None:
+    asked = Requirements(settling_time=0.5, command_limit=30.0)
+    for command_noise, budget in ((0.0, 10.0), (7.0, 7.0), (12.0, 10.0)):
+        assert noise_budget(attrs.evolve(asked, command_noise=command_noise)) == budget
+
+
+def test_a_step_of_the_reference_may_be_a_thousandth_of_the_largest_signal() -> None:
+    check(wanted(reference_step=0.9e12))
+    with pytest.raises(Conflict, match=r'or a reference_step up to 1e\+12'):
+        check(wanted(reference_step=1.1e12))
 
 
 def test_what_is_not_said_is_taken_from_the_range_of_the_command() -> None:
@@ -120,6 +138,15 @@ def test_the_fastest_design_is_one_that_a_tuning_accepts(
     assert margins.gain_low <= 1.0 / LEAST_GAIN < LEAST_GAIN <= margins.gain_high
     shorter = attrs.evolve(found, settling_time=0.75 * found.settling_time)
     assert obstacle(shorter) == cause and not obstacle(found)
+
+
+def test_a_loop_that_bears_less_than_twice_its_gain_is_not_sound() -> None:
+    asked = Requirements(order=3, settling_time=2.2, rate=100.0, half_gain=True, noise_std=0.001)
+    asked = attrs.evolve(asked, command_noise=5.0)
+    near = single(asked).prediction.margins
+    assert near.modulus > 1.02 * LEAST_MODULUS and near.gain_low < 1.0 / LEAST_GAIN
+    assert near.gain_high < LEAST_GAIN and obstacle(asked) == 'the margins'
+    assert not obstacle(attrs.evolve(asked, settling_time=4.0))
 
 
 def test_what_no_settling_time_makes_sound_is_refused_with_the_cause() -> None:

@@ -179,6 +179,15 @@ def test_half_gains_are_named_where_they_act(half: bool) -> None:
     assert design.chosen.settings.observer_gain_factor == (0.5 if half else 1.0)
 
 
+@pytest.mark.parametrize('n', (1, 2))
+def test_the_rules_say_how_many_wc_the_observer_is_and_what_holding_takes_of_order_1(
+    n: int,
+) -> None:
+    controller, observer, *_ = first_design(wanted(order=n)).rules
+    assert 'set by the rule of thumb: 5 wc (3 to 10' in observer
+    assert (', less for the hold' in controller) == (n == 1)
+
+
 def test_the_advice_follows_the_disturbance() -> None:
     for frequency, chosen in ((0.0, 'nested_2'), (8.0, 'nested_3'), (25.0, 'conventional')):
         design = first_design(wanted(disturbance_frequency=frequency))
@@ -189,6 +198,11 @@ def test_the_advice_follows_the_disturbance() -> None:
         assert design.advice.startswith(f'Take {named[chosen]} observer')
         crossing = re.findall(r'are better below ([\d.]+) rad/s only', design.advice)
         assert len(crossing) == 1 and 10.0 < float(crossing[0]) < 25.0
+        better = named['nested_2' if chosen == 'conventional' else chosen].capitalize()
+        assert f'. {better} observers are better below' in design.advice
+        other = {'nested_2': 'three', 'nested_3': 'two'}.get(chosen)
+        aside = re.findall(r' \((\w+) nested observers \d+ %\)\.', design.advice)
+        assert aside == ([other] if other else [])
 
 
 @pytest.mark.parametrize('frequency', (2.0, 8.0))

@@ -26,6 +26,7 @@ from nadrc_ros.tuning.identification.advice import (
     scenario_of,
 )
 from nadrc_ros.tuning.identification.estimate import Estimate, robust_error
+from nadrc_ros.tuning.identification.fit import fit_direct
 from nadrc_ros.tuning.identification.identify import identify
 from nadrc_ros.tuning.identification.log import is_one_sine, log_of, noise_deviation
 from nadrc_ros.tuning.identification.predictor import Array, Form, Log, plant_polynomials
@@ -103,6 +104,7 @@ def test_noise_damping_and_order_are_found(lag: RecordedRun) -> None:
     assert plant.noise == pytest.approx(1e-2, rel=0.05)
     assert plant.damping.low < 2.0 < plant.damping.high
     assert plant.unexplained[1] == 1.0 and plant.unexplained[2] > 1.1
+    assert not plant.doubts
 
 
 def test_a_command_that_comes_late_is_seen_as_that(lag: RecordedRun) -> None:
@@ -303,11 +305,37 @@ def test_a_run_that_tells_little_has_a_wide_interval_and_a_doubt() -> None:
     assert 'the interval is wide' in plant.doubts[-1]
 
 
+def test_the_models_of_noise_and_of_the_reference_give_the_same_gain(lag: RecordedRun) -> None:
+    assert fit_direct(log_of(lag), Form(order=1)).gain == pytest.approx(5.0, rel=0.05)
+
+
+def test_a_row_of_the_reference_is_written_where_it_changes() -> None:
+    reference = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, -1.0, 0.5])
+    log = Log(measurement=reference, command=reference, reference=reference, h=0.5)
+    rows = '0,0', '1,1', '2,0', '3,-1', '3.5,0.5'
+    assert reference_text(log) == '\n'.join(('time,reference', *rows, ''))
+
+
+def test_a_motion_as_large_as_the_noise_is_one(lag: RecordedRun) -> None:
+    t = lag.columns['time']
+    noise = np.random.default_rng(4).normal(size=len(t))
+    for motion in (1.0, 0.0):
+        moving = with_columns(lag, measurement=motion * np.sqrt(2.0) * np.sin(t) + noise)
+        if motion:
+            assert np.std(log_of(moving).measurement) > 1.35
+        else:
+            with pytest.raises(RecordingError, match='the output does not move'):
+                log_of(moving)
+
+
 def test_a_reference_of_one_sine_is_known_as_that() -> None:
     t = np.arange(2000) * 0.01
     assert is_one_sine(2.0 + np.sin(3.0 * t))
     assert not is_one_sine(np.sin((0.5 + 0.1 * t) * t))
     assert not is_one_sine(np.sign(np.sin(3.0 * t)))
+    # What counts is power, the square of an amplitude.
+    assert is_one_sine(np.sin(3.0 * t) + 0.2 * np.sin(7.0 * t))
+    assert not is_one_sine(np.sin(3.0 * t) + 0.5 * np.sin(7.0 * t))
 
 
 def test_the_noise_of_a_moving_output_is_that_around_it() -> None:

@@ -8,15 +8,23 @@ from bench.other_plants import CASES
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.tuning.identification.candidates import (
     _poles_of,
+    candidates,
     direction,
     dry_of,
     is_lag,
     rate_of,
+    simplest,
     with_ways,
 )
-from nadrc_ros.tuning.identification.estimate import _orthonormal, answers, is_open
-from nadrc_ros.tuning.identification.fit import Fit, fit_direct, likely_delays
-from nadrc_ros.tuning.identification.identify import identify, Plant
+from nadrc_ros.tuning.identification.estimate import (
+    _orthonormal,
+    answers,
+    is_open,
+    outside_space,
+    refine,
+)
+from nadrc_ros.tuning.identification.fit import bounds, Fit, fit_direct, likely_delays
+from nadrc_ros.tuning.identification.identify import identify, in_the_best_band, Plant
 from nadrc_ros.tuning.identification.log import log_of, noise_deviation
 from nadrc_ros.tuning.identification.predictor import _hastened, Form, Log
 import numpy as np
@@ -60,11 +68,51 @@ def test_all_delays_are_tried_at_once(periods: int) -> None:
     assert min((abs(k - periods) for k in found), default=0) <= 2
 
 
+def test_no_filter_of_the_search_for_dead_time_grows() -> None:
+    still = np.random.default_rng(1).normal(size=2000)
+    log = Log(measurement=still, command=still, reference=still, h=0.01)
+    with np.errstate(over='raise', invalid='raise'):
+        likely_delays(log, 2)
+
+
+def test_without_noise_the_disturbance_is_as_fast_as_can_be_told() -> None:
+    """What was not foreseen is all of it, and remembered for no longer than a period."""
+    rng = np.random.default_rng(1)
+    command = np.repeat(rng.normal(size=40), 25)
+    steps = 0.01 * (5.0 * command + rng.normal(size=1000).cumsum())
+    output = np.append(0.0, steps.cumsum()[:-1])
+    log = Log(measurement=output, command=command, reference=command, h=0.01)
+    fit = fit_direct(log, Form(order=1))
+    assert fit.gain == pytest.approx(5.0, rel=0.1)
+    assert 2.0 < fit.bandwidth * log.h < np.pi
+
+
 def test_a_lag_is_not_capped() -> None:
     plant = plant_of('oven, lag', 1)
     assert plant.late == 'lag' and plant.lateness is not None
     assert plant.lateness.value == pytest.approx(6.0, rel=0.05)
     assert plant.b0.half_width < 0.05
+
+
+def test_a_slow_lag_is_of_the_next_order_where_other_orders_are_compared() -> None:
+    log = log_of(CASES['oven, lag'].log(seed=0))
+    lags = {
+        open_order: [
+            fit.parameters[-1] for fit in candidates(log, 1, None, open_order) if fit.form.lagging
+        ]
+        for open_order in (False, True)
+    }
+    assert lags[False] == pytest.approx([6.0] * 3, rel=0.05) and not lags[True]
+
+
+def test_no_pole_settles_within_a_period_and_no_lag_takes_a_tenth_of_the_record() -> None:
+    """Settled is a twentieth, e^-3."""
+    still = np.zeros(500)
+    log = Log(measurement=still, command=still, reference=still, h=0.01)
+    _, fast = bounds(log, Form(order=1))
+    assert np.exp(-fast * log.h) == pytest.approx(0.05, rel=0.01)
+    _, (*_, slow) = bounds(log, Form(order=2, late='lag'))
+    assert slow == pytest.approx(0.5)
 
 
 def test_delay_and_lag_are_told_apart() -> None:
@@ -101,7 +149,7 @@ def test_small_backlash_is_no_order() -> None:
 
 def test_backlash_that_no_order_explains_is_refused() -> None:
     """Behind a lag, order 3 explains it best, with a b0 a hundred times too large."""
-    with pytest.raises(UserError, match='--order'):
+    with pytest.raises(UserError, match=r'explain too little of the output.* --order'):
         identify(log_of(CASES['arm, wide backlash'].log(seed=0)))
 
 
@@ -132,6 +180,19 @@ def test_a_reference_that_comes_at_odd_times_costs_little() -> None:
 @pytest.mark.parametrize('name', ['arm, wide backlash', 'oven, coarse sensor', 'servo, encoder'])
 def test_backlash_and_coarse_sensors_are_in_the_interval(name: str) -> None:
     assert plant_of(name, CASES[name].order).b0.half_width < 0.06
+
+
+def test_what_a_slower_band_tells_otherwise_widens_the_interval() -> None:
+    """By as much as noise alone would not leave between the two."""
+    log = log_of(CASES['tank, open loop'].log(seed=0))
+    chosen = simplest(candidates(log, 1, None, False))
+    fit, (b0, *_) = in_the_best_band(log, chosen)
+    own, slow = (
+        refine(log, attrs.evolve(fit, bandwidth=ratio * fit.bandwidth))[1][0]
+        for ratio in (1.0, 0.5)
+    )
+    assert own.error > slow.error and abs(own.value - slow.value) > 2.0 * slow.error
+    assert b0.error > abs(own.value - slow.value)
 
 
 def test_an_open_loop_needs_no_reference() -> None:
@@ -169,6 +230,13 @@ def test_an_answer_is_soon_and_related_and_certain(
     assert answers(log, surprise) == known
 
 
+def test_a_command_that_changes_now_and_then_answers_nothing() -> None:
+    surprise = np.random.default_rng(5).normal(size=400)
+    command = np.repeat([0.0, 1.0, 0.5, 2.0], 100)
+    log = Log(measurement=surprise, command=command, reference=command, h=0.01)
+    assert not answers(log, surprise)
+
+
 def test_friction_and_backlash_are_allowed_for_where_the_direction_of_motion_is_known() -> None:
     """Of a plant of order 1, whose measurement is what moves, friction goes by its sign."""
     signs = np.ones(9)
@@ -202,6 +270,27 @@ def test_friction_hastened_by_the_lag_is_friction_again_behind_it() -> None:
         lagged.append(behind)
     np.testing.assert_allclose(lagged, way, atol=1e-9)
     assert _hastened(Form(order=2), np.zeros(2), way, h) is way
+
+
+def test_filters_of_the_instruments_change_the_phase_and_nothing_else() -> None:
+    """Laguerre's: behind a lag all-pass filters, which leave the energy of a signal."""
+    reference = np.where(np.arange(4000) < 200, 0.0, 1.0)
+    log = Log(measurement=reference, command=reference, reference=reference, h=0.01)
+    space = outside_space(log, Form(order=1), bandwidth=10.0, open_loop=False)
+    assert space is not None
+    _, *stages = np.linalg.norm(space, axis=0)
+    for energy in np.reshape(stages, (3, -1)):
+        assert energy == pytest.approx(energy[0], rel=1e-6)
+
+
+def test_a_reference_that_excites_less_than_there_are_parameters_is_no_error() -> None:
+    rng = np.random.default_rng(3)
+    command = np.repeat(rng.normal(size=20), 25)
+    output = np.append(0.0, np.cumsum(0.05 * command)[:-1] + rng.normal(scale=1e-3, size=499))
+    reference = np.append(np.zeros(499), 1.0)
+    log = Log(measurement=output, command=command, reference=reference, h=0.01)
+    _, (b0, *_) = refine(log, fit_direct(log, Form(order=2)))
+    assert np.isfinite(b0.error)
 
 
 def test_instruments_that_say_the_same_or_nothing_count_once_or_not() -> None:
@@ -238,6 +327,14 @@ def test_the_way_is_told_where_noise_leaves_it() -> None:
     fast = np.abs(np.cos(t)) > 0.1
     np.testing.assert_array_equal(direction(*moving)[fast], np.sign(np.cos(t))[fast])
     assert rate_of(np.sin(t) + 3.0 * noise, 0.01) is None
+
+
+def test_a_rate_is_smoothed_over_a_tenth_of_the_log_at_most() -> None:
+    """Quiet enough is the noise over 17 rows, and not yet that over 11."""
+    t = 0.01 * np.arange(170)
+    moving = 0.25 * np.sin(4.0 * t) + np.random.default_rng(1).normal(scale=0.005, size=len(t))
+    assert rate_of(moving, 0.01) is not None
+    assert rate_of(moving[:-1], 0.01) is None
 
 
 def test_the_bench_counts_intervals_and_names_refusals() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import exp, isfinite
 from typing import Any
 
 from hypothesis import given
@@ -275,6 +275,14 @@ def test_only_what_is_unusual_of_an_offset_decays_fast(case: str) -> None:
     for command in (0.123, 0.456):
         match_command(law.design, law.state, command)
         assert usual + law.state.offset[0] == pytest.approx(command, abs=1e-9)
+
+
+def test_what_is_noise_of_one_sample_decays_with_the_inner_observer() -> None:
+    law = Law(design_of(inner_bandwidth=20.0, controller_bandwidth=2.0))
+    for brief in (-1.0, -0.5, 3.0):
+        law.state.offset[1] = brief
+        law.step([0.0], 0.0, H)
+        assert law.state.offset[1] == pytest.approx(brief * exp(-20.0 * H), rel=1e-9)
 
 
 def test_what_the_law_usually_asks_for_is_without_what_a_transfer_added() -> None:

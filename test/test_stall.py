@@ -71,6 +71,17 @@ def test_a_stall_that_is_a_fault_lasts_until_it_is_enabled_anew() -> None:
     assert Mode(controller.policy.mode) == Mode.OK and controller.limited_for < 1.0
 
 
+def test_to_disable_it_ends_a_stall_even_if_it_is_enabled_before_the_next_sample() -> None:
+    heater = Heater(stall_time=20.0)
+    heater.run(30.0, 60.0, stuck=True)
+    controller = heater.controller
+    controller.enabled = True  # as it was
+    assert controller.stalled and controller.limited_for > 20.0
+    controller.enabled = False
+    controller.enabled = True
+    assert not controller.stalled and controller.limited_for == 0.0
+
+
 @pytest.mark.parametrize('deviation', (0.0, 0.1))
 @pytest.mark.parametrize('setpoint', (30.0, 100.0, 190.0))
 def test_a_slow_rise_at_full_power_is_no_stall(deviation: float, setpoint: float) -> None:

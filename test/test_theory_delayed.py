@@ -113,6 +113,17 @@ def test_a_response_in_time_is_that_of_the_recursion(structure: str) -> None:
         assert (error <= rough * np.abs(expected).max(axis=1)).all()
 
 
+@pytest.mark.parametrize('periods', (8, 12))
+def test_a_response_lasts_no_longer_than_twice_until_it_rests(periods: int) -> None:
+    design = wide_design(inner_bandwidth=20.0, controller_bandwidth=4.0)
+    loop = delayed_loop(design, chain(design.order, design.b0), H)
+    (found,), step = step_responses(loop, [REFERENCE], periods * H)
+    left = np.abs(1.0 - found)
+    half, count = len(found) // 2, len(found)
+    assert step == H
+    assert left[-count // 8 :].max() < 1e-6 < left[half - half // 8 : half].max()
+
+
 def test_a_thousand_periods_of_delay_are_no_other_problem() -> None:
     """The same loop at 2 and at 100 Hz: 20 periods of delay as states, 1000 as a factor."""
     values = {'inner_bandwidth': 0.05, 'outer_bandwidth': 0.05, 'controller_bandwidth': 0.01}

@@ -21,6 +21,7 @@ from nadrc_ros.theory.system import (
     Complex,
     frequency_response,
     is_stable,
+    natural_frequencies,
     pick,
     poles,
     StateSpace,
@@ -152,6 +153,24 @@ def test_discrete_poles_are_where_they_were_asked_for() -> None:
     asked = np.exp(-np.array([4.0, 8.0, 10.0, 16.0, 20.0, 40.0]) * H)
     assert np.sort(poles(observer(design, H)).real)[::-1] == pytest.approx(asked, abs=1e-9)
     assert np.sort(-poles(observer(design)).real) == pytest.approx([4, 8, 10, 16, 20, 40])
+
+
+def test_a_triple_pole_is_found_in_proportion_to_the_period() -> None:
+    """Rounding moves it by (1e-16)^(1/3) of w h, not of 1; all entries are exact."""
+    wh = 2.0**-20
+    slope = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -3.0, -3.0]])  # (s + 1)^3
+    nothing = np.zeros((0, 0))
+    found = poles(StateSpace(np.eye(3) + wh * slope, nothing, nothing, nothing, h=1e-3))
+    assert np.abs((found - 1.0) / wh + 1.0).max() < 1e-4
+
+
+def test_the_frequency_of_a_sampled_pole_is_that_of_its_logarithm() -> None:
+    """One at -1 turns by half a circle each period; one at 0 is as fast as a number can tell."""
+    nothing = np.zeros((0, 0))
+    sampled = StateSpace(np.diag([-1.0, np.exp(-1.0), 0.0]), nothing, nothing, nothing, h=0.1)
+    half, slow, fast = np.sort(natural_frequencies(sampled))[[1, 0, 2]]
+    assert (half, slow) == pytest.approx((10.0 * np.pi, 10.0))
+    assert 1e3 < fast < inf
 
 
 def h_infinity_norm(system: StateSpace) -> float:

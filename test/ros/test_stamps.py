@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nadrc_ros.ros.stamps import Departures, Losses, Offset, SampleTimes
+from nadrc_ros.ros.stamps import Departures, Offset, SampleTimes
 import pytest
 
 MS = 1_000_000
@@ -124,6 +124,26 @@ def test_p09_a_sample_in_reserve_that_another_overtook_is_counted() -> None:
     infos = [{'source_timestamp': t, 'publication_sequence_number': None} for t in (5, 9, 7)]
     assert times.saw(infos[0], infos[1]) and times.out_of_order == 0
     assert not times.saw(infos[1], infos[2]) and times.out_of_order == 1
+
+
+@pytest.mark.parametrize(
+    ('period', 'back', 'jumps'),
+    [(0.005, 90.0, 0), (0.005, 110.0, 1), (0.1, 900.0, 0), (0.1, 1100.0, 1)],
+)
+def test_p10_without_numbers_a_clock_is_set_back_from_a_tenth_of_a_second_or_ten_periods(
+    period: float, back: float, jumps: int
+) -> None:
+    """What is less far back is a sample that another overtook."""
+    times = SampleTimes(period, wall=lambda: START, numbered=False)
+    for sent, own in ((5000.0, 5000.0), (5000.0 - back, 5000.0 + 1e3 * period)):
+        stamp = START + round(sent * MS)
+        info = {
+            'source_timestamp': stamp,
+            'received_timestamp': START + round((own + 0.2) * MS),
+            'publication_sequence_number': None,
+        }
+        times.span(info, round((own + 0.2) * MS))
+    assert (times.clock_jumps, times.out_of_order) == (jumps, 1 - jumps)
 
 
 def test_p10_a_jump_of_a_clock_that_was_behind_from_the_start_is_seen() -> None:
@@ -338,6 +358,12 @@ def test_a_sample_without_a_stamp_left_when_it_came() -> None:
     assert Departures(lambda: 0).of(info, 123) == 123
 
 
+def test_no_sample_left_after_it_came() -> None:
+    """Clocks of one machine are read one after the other, which may take a microsecond."""
+    info = {'source_timestamp': 1_000_001_000, 'publication_sequence_number': 1}
+    assert Departures(lambda: 0).of(info, 1_000_000_000) == 1_000_000_000
+
+
 def test_a_middleware_may_begin_to_number() -> None:
     departures = Departures(lambda: 0)
     for number, stamp in ((None, 1_000_000_000), (1, 1_005_000_000), (2, 1_010_000_000)):
@@ -371,24 +397,3 @@ def test_what_interrupts_the_reading_of_two_clocks_moves_nothing() -> None:
     assert offset() == first
     late[0] = 0
     assert offset() == pytest.approx(first + 20 * MS, abs=1000)
-
-
-def test_losses_are_the_numbers_between_a_sample_and_the_one_before_of_its_publisher() -> None:
-    losses = Losses()
-    assert losses.newest == 0
-    assert [losses.before(number) for number in (5, 6, 9, 10)] == [0, 0, 2, 0]
-    assert [losses.before(number) for number in (1, 2, 3)] == [0, 0, 0]  # it was restarted
-    # from now on two publishers, in turns
-    assert [losses.before(number) for number in (11, 4, 13, 5)] == [0, 0, 1, 0]
-    assert losses.newest == 5 and not losses.unknown
-    assert losses.before(None) == 0 and losses.unknown
-
-
-@pytest.mark.parametrize(('publishers', 'first'), [(8, 1), (9, 1001)])
-def test_eight_publishers_are_followed_and_of_more_the_last_ones(
-    publishers: int, first: int
-) -> None:
-    losses = Losses()
-    begins = [1000 * k for k in range(publishers, 0, -1)]
-    assert [losses.before(begin) for begin in begins] == [0] * publishers
-    assert losses.before(begins[0] + 2) == first
