@@ -45,7 +45,7 @@ def bits(values: Sequence[float]) -> list[str]:
 
 def state_bits(state: State) -> list[list[str]]:
     rows = state.profile, state.offset, state.startup, state.gain, state.resting, state.angle[1:]
-    return [bits(row) for row in (*state.levels, *rows, state.ripple, state.feed_forward)]
+    return [bits(row) for row in (*state.levels, *rows, state.ripple)]
 
 
 def copy_of(state: State) -> State:

@@ -159,7 +159,7 @@ def numbers(controller: Controller) -> bool:
     state = controller.state
     rows = [*state.levels, state.profile, state.offset, state.smoothed, state.startup, state.gain]
     rows += [state.resting, state.since_sample, state.delay_line, state.angle[1:], state.ripple]
-    return all(isfinite(x) for row in [*rows, state.feed_forward] for x in row)
+    return all(isfinite(x) for row in rows for x in row)
 
 
 @at_least(60)
@@ -205,7 +205,7 @@ def judge_tick(
     before, mode, levels = controller.command, controller.mode, levels_of(controller)
     gap = controller.policy.gap
     started = controller.policy.measurement_age < INF
-    old, fed = controller.design, controller.state.feed_forward[0]
+    old, fed = controller.design, controller.state.offset[2]
     u = controller.tick(**told)
     new, sample = controller.design, controller.sample
     assert new.command_min <= u <= new.command_max, label
@@ -231,7 +231,7 @@ def judge_tick(
             assert asked == pytest.approx(u, abs=1e-9 + scale), label
     elif not used and started:  # else the observers begin at it
         assert levels_of(controller) == levels, label
-        same = fed == controller.state.feed_forward[0]
+        same = fed == controller.state.offset[2]
         if old.command_rate_limit == 0.0 and same:  # it is where it was
             assert u in (*ends, new.safe_command), label
     if used and mode != Mode.OK and controller.mode == Mode.OK:

@@ -180,7 +180,7 @@ def test_a_tick_without_a_sample_follows_it() -> None:
         for k in range(400):
             sampled = k % 4 == 0
             fed = sin(5.0 * k * H)
-            before = controller.state.feed_forward[0], controller.command
+            before = controller.state.offset[2], controller.command
             u = controller.tick(
                 chain.y if sampled else NAN,
                 4.0 * H if sampled else 0.0,

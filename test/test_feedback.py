@@ -7,7 +7,8 @@ from math import comb
 from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import design_of, Law, NAMES, noise, ORDERS
-from nadrc_ros.adrc.feedback import fal, feedback
+from nadrc_ros.adrc.feedback import fal, fal_feedback
+from nadrc_ros.adrc.state import blank_state, raw_command
 import pytest
 
 ERRORS = st.floats(-1e9, 1e9)
@@ -58,10 +59,11 @@ def test_the_linear_gains_are_those_of_s_plus_wc_to_the_n(n: int) -> None:
 
 @pytest.mark.parametrize('n', ORDERS)
 def test_the_reference_derivatives_enter_up_to_the_nth(n: int) -> None:
-    design = design_of(plant_order=n)
-    x, r = noise(1, n + 1), noise(2, n + 1)
+    design = design_of(plant_order=n, structure='conventional', b0=2.0)
+    state, x, r = blank_state(design), noise(1, n + 1), noise(2, n + 1)
+    state.levels[0][:], state.profile[:] = x, r
     expected = r[n] + sum(k * (r[i] - x[i]) for i, k in enumerate(design.feedback_gains))
-    assert feedback(design, x, r) == pytest.approx(expected, rel=1e-13)
+    assert raw_command(design, state) == pytest.approx((expected - x[n]) / 2.0, rel=1e-13)
 
 
 @pytest.mark.parametrize('structure', NAMES)
@@ -85,7 +87,8 @@ def test_fal_gains_of_its_own_and_from_the_bandwidth() -> None:
 
 def test_fal_is_applied_to_each_state_error() -> None:
     design = design_of(feedback='fal', fal_exponents=(0.5, 1.0), fal_gains=(3.0, 2.0))
-    assert feedback(design, [-4.0, 1.0], [0.0, 2.0, 0.25]) == 0.25 + 3.0 * 2.0 + 2.0 * 1.0
+    v = fal_feedback(design, [-4.0, 1.0], [0.0, 2.0, 0.25], 0.25)
+    assert v == 0.25 + 3.0 * 2.0 + 2.0 * 1.0
 
 
 @pytest.mark.parametrize(
@@ -96,5 +99,6 @@ def test_the_level_that_feeds_the_law(level: str, index: int) -> None:
     assert law.design.feedback_level == index
     for y in noise(3, 50):
         u = law.step([0.0], 0.01 * y, 0.01)
-    v = feedback(law.design, law.state.levels[index], [0.0, 0.0, 0.0])
+    x = law.state.levels[index]
+    v = -sum(k * x[i] for i, k in enumerate(law.design.feedback_gains))
     assert u == pytest.approx(v - sum(x[2] for x in law.state.levels), rel=1e-12)

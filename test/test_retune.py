@@ -397,4 +397,4 @@ def test_p12_after_a_gap_a_change_is_measured_by_the_limit_that_acted() -> None:
     controller.retune(attrs.evolve(settings, controller_bandwidth=8.0))
     command = controller.tick(0.0, 10.0 * H, elapsed=H, reference=[0.0125])
     assert command == pytest.approx(1.0 * H)
-    assert controller.state.offset == [0.0, 0.0]
+    assert controller.state.offset == [0.0, 0.0, 0.0]

@@ -154,7 +154,7 @@ class Controller:
         applied, applied_age = self.commands.applied(applied, applied_age, elapsed, sent)
         if gain_variable == gain_variable:
             self.take_gain_variable(gain_variable)
-        fed = self.state.feed_forward[0]
+        fed = self.state.offset[2]
         if feed_forward is not None or fed != 0.0:
             rate_limit = self.design.command_rate_limit
             fed = self.commands.feed_forward(feed_forward, fed, rate_limit, elapsed)

@@ -50,7 +50,7 @@ def mind_deadband(
     if not design.tracking_acceleration > 0.0:
         for i in range(1, len(reference)):
             still = still and reference[i] == 0.0
-    held = state.resting[1] + out.feed_forward[0]
+    held = state.resting[1] + out.offset[2]
     same = still and reference[0] == state.resting[2]
     out.resting[0], out.resting[2], out.resting[3] = 0.0, reference[0], 0.0
     if state.resting[0] > 0.0:
@@ -66,13 +66,13 @@ def mind_deadband(
     out.resting[3] = state.resting[3] + dt
     if out.resting[3] * design.controller_bandwidth < _PATIENCE:
         return
-    driving = sent - state.feed_forward[0]
+    driving = sent - state.offset[2]
     away = abs(state.gain[0] * (driving - state.smoothed[0]))
     for _ in range(design.order - 1):
         away /= design.controller_bandwidth
     away = abs(error) + (abs(_speed(design, acting, out)) + away) / design.controller_bandwidth
     if away < half:
-        _hold(clamp(design, sent) - state.feed_forward[0], out)
+        _hold(clamp(design, sent) - state.offset[2], out)
 
 
 def _hold(command: float, out: State) -> None:
@@ -83,7 +83,7 @@ def _hold(command: float, out: State) -> None:
 def _speed(design: Design, acting: float, state: State) -> float:
     """Return y' - r1' as estimated."""
     if design.order == 1:  # there is no state of that name: y' + a_0 y = b0 u + L
-        received = state.gain[0] * (acting + state.feed_forward[0])
+        received = state.gain[0] * (acting + state.offset[2])
         speed = received + disturbance_estimate(design, state)
         if design.known:
             speed -= design.damping[0] * output_estimate(design, state)

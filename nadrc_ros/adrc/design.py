@@ -31,10 +31,13 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     from 0. ``gain_source`` is 0 where b0 is constant, else what ``b0_table`` is over, from 1 on in
     the order of ``GAIN_SOURCES``.
 
-    ``known`` says that the observers are those of :mod:`~nadrc_ros.adrc.internal_model`: with
-    ``plant_poles`` (n,) and ``damping`` (n,), a_0..a_{n-1} of their polynomial, ``frequencies`` of
-    level 1, whose N counts two states for each, ``sizes`` (K,), the states of every level, and
-    ``decays`` (n + m + frequencies,), the poles relative to the bandwidth of the level.
+    ``shaped`` says that an innovation is more than a difference: softened, or that of an angle;
+    ``special`` says that a step is more than that of a chain with a constant b0, driven by the
+    command of now: so that one question answers many. ``known`` says that the observers are those
+    of :mod:`~nadrc_ros.adrc.internal_model`: with ``plant_poles`` (n,) and ``damping`` (n,),
+    a_0..a_{n-1} of their polynomial, ``frequencies`` of level 1, whose N counts two states for
+    each, ``sizes`` (K,), the states of every level, and ``decays`` (n + m + frequencies,), the
+    poles relative to the bandwidth of the level.
     """
 
     order: int
@@ -46,12 +49,14 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     cancelled: int
     chained: bool
     nonlinear: bool
+    shaped: bool
     eso_delta: float
     startup_time: float
     equal_poles: bool
     pole_ratios: list[float]
     observer_gain_factor: float
     gain_matrix: Matrix
+    special: bool
     known: bool
     plant_poles: list[float]
     damping: list[float]
@@ -105,6 +110,7 @@ def make_design(settings: ControllerSettings) -> Design:
     scale = ratios[0] if equal_poles else 1.0
     matrix = equal_pole_matrix(chain) if equal_poles else inversion_matrix(chain)
     plant_poles = _per_state(settings.plant_poles, order)
+    known = any(plant_poles) or bool(frequencies)
     factor = settings.observer_gain_factor
     worked_out: dict[str, Any] = {
         'order': order,
@@ -115,9 +121,15 @@ def make_design(settings: ControllerSettings) -> Design:
         'cancelled': structure.cancelled(levels),
         'chained': structure.chained,
         'nonlinear': structure.nonlinear,
+        'shaped': structure.nonlinear or settings.measurement_period > 0.0,
         'equal_poles': equal_poles,
         'pole_ratios': ratios,
-        'known': any(plant_poles) or bool(frequencies),
+        'known': known,
+        'special': known
+        or settings.input_delay > 0.0
+        or settings.measurement_period > 0.0
+        or settings.error_deadband > 0.0
+        or gain_source(settings) > 0,
         'plant_poles': plant_poles,
         'damping': polynomial(plant_poles),
         'frequencies': frequencies,

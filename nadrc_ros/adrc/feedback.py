@@ -1,4 +1,4 @@
-"""State error feedback: linear with reference feed-forward, or nonlinear with fal (NLSEF)."""
+"""Nonlinear state error feedback (NLSEF) with fal; see ``state.raw_command`` for the whole law."""
 
 from __future__ import annotations
 
@@ -19,23 +19,14 @@ def fal(e: float, alpha: float, delta: float) -> float:
     return copysign(magnitude**alpha, e)
 
 
-def feedback(design: Design, x: Vector, r: Vector) -> float:
+def fal_feedback(design: Design, x: Vector, r: Vector, v: float) -> float:
     """
-    Return v = sum_i k_i g(r_i - x_i) + r_{n+1}, g the identity or fal, in units of y^(n).
+    Return v + sum_i k_i fal(r_i - x_i), in units of y^(n). Shapes: x and r at least (n,).
 
-    Shapes: x at least (n,), r (n+1,). The gains k_i are the coefficients of (s + wc)^n unless fal
-    has its own. The paper never writes the sum.
+    The gains k_i are those of (s + wc)^n where it has none of its own.
     """
-    order = design.order
-    gains = design.feedback_gains
-    v = r[order]
     i = 0
-    if design.linear:
-        while i < order:
-            v += gains[i] * (r[i] - x[i])
-            i += 1
-    else:
-        while i < order:
-            v += gains[i] * fal(r[i] - x[i], design.exponents[i], design.fal_delta)
-            i += 1
+    while i < design.order:
+        v += design.feedback_gains[i] * fal(r[i] - x[i], design.exponents[i], design.fal_delta)
+        i += 1
     return v

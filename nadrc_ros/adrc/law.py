@@ -12,7 +12,7 @@ state, and the limiter has the last word.
 
 from __future__ import annotations
 
-from math import copysign, exp, isfinite, nan
+from math import copysign, exp, nan
 
 from nadrc_ros.adrc.angle import whole
 from nadrc_ros.adrc.deadband import mind_deadband
@@ -96,12 +96,16 @@ def step(
     if design.error_based and not _usable(reference):  # no sum below would show it
         return _refuse(design, state, applied, out, BAD_REFERENCE)
     known = state.since_sample[1]
-    acting = applied - state.feed_forward[0]
-    if design.input_delay > 0.0:
-        line = state.delay_line
-        acting = pass_through(design.input_delay, line, acting, dt - known, out.delay_line)
-    if design.measurement_period > 0.0:
-        copy_vector(state.angle, out.angle)
+    before = state.offset
+    acting = applied - before[2]
+    b0, special = design.b0, design.special
+    if special:
+        b0 = state.gain[0]
+        if design.input_delay > 0.0:
+            line = state.delay_line
+            acting = pass_through(design.input_delay, line, acting, dt - known, out.delay_line)
+        if design.measurement_period > 0.0:
+            copy_vector(state.angle, out.angle)
     if dt > design.max_dt:
         return _restart(
             design,
@@ -127,7 +131,7 @@ def step(
     if design.error_based:
         observed -= profile[0]
     speed = 1.0
-    startup = state.startup[0]
+    risen = startup = state.startup[0]
     if startup < 1.0:
         startup = rise(startup, dt, design.startup_time)
         speed = startup * startup * startup
@@ -138,22 +142,23 @@ def step(
         if known < dt:  # the last command acted for the rest
             acted += (acting - acted) * (1.0 - known / dt)
     out.since_sample[1] = 0.0
-    out.feed_forward[0] = feed_forward
-    received = state.gain[0] * acted
-    if design.known:
+    received = b0 * acted
+    if special and design.known:
         update_known(design, state, observed, received, dt, speed, out)
     else:
         update(design, state.levels, observed, received, dt, speed, out.levels, out.scratch)
-    lasting, brief = state.offset[0], state.offset[1]
+    lasting, brief = before[0], before[1]
     offset = out.offset
+    offset[2] = feed_forward
     offset[0] = lasting * exp(-design.controller_bandwidth * dt) if lasting != 0.0 else 0.0
     offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
-    if design.gain_source > 0:
-        follow_gain(design, state, gain_variable, acting, dt, out)
-    if design.error_deadband > 0.0:
-        mind_deadband(design, state, reference, sent, acting, dt, out)
+    if special:
+        if design.gain_source > 0:
+            follow_gain(design, state, gain_variable, acting, dt, out)
+        if design.error_deadband > 0.0:
+            mind_deadband(design, state, reference, sent, acting, dt, out)
     raw = raw_command(design, out)
-    if not isfinite(raw):  # a derivative of the reference, or wildly uneven dt
+    if raw - raw != 0.0:  # not finite: a derivative of the reference, or wildly uneven dt
         return _restart(
             design,
             state,
@@ -166,11 +171,11 @@ def step(
             feed_forward,
         )
     share = 1.0
-    if state.startup[0] > 0.0:  # at the first step of all there is nothing to smooth with
+    if risen > 0.0:  # at the first step of all there is nothing to smooth with
         share = design.controller_bandwidth * dt
         share /= 1.0 + share  # implicit Euler: below 1 however long dt is
-    before, smoothed = state.smoothed, out.smoothed
-    once, twice = before[0], before[1]
+    usual, smoothed = state.smoothed, out.smoothed
+    once, twice = usual[0], usual[1]
     once += (raw - offset[0] - offset[1] - feed_forward - once) * share
     smoothed[0] = once
     smoothed[1] = twice + (once - twice) * share
@@ -220,7 +225,7 @@ def _restart(
     copy_vector(state.gain, out.gain)
     if design.gain_source > 0:
         begin_gain(design, measurement, profile[0], gain_variable, out)
-    out.feed_forward[0] = feed_forward
+    out.offset[2] = feed_forward
     rest(design, measurement, acting, profile[0], out)
     copy_vector(profile, out.profile)
     out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - feed_forward

@@ -34,14 +34,16 @@ def limit(
     status = OK
     if design.command_rate_limit > 0.0:
         change = design.command_rate_limit * dt
-        highest = (downstream if downstream > sent else sent) + change
-        lowest = (downstream if downstream < sent else sent) - change
-        if raw > highest:
-            raw = highest
-            status = RATE_LIMITED
-        elif raw < lowest:
-            raw = lowest
-            status = RATE_LIMITED
+        if raw > sent + change:
+            highest = (downstream if downstream > sent else sent) + change
+            if raw > highest:
+                raw = highest
+                status = RATE_LIMITED
+        elif raw < sent - change:
+            lowest = (downstream if downstream < sent else sent) - change
+            if raw < lowest:
+                raw = lowest
+                status = RATE_LIMITED
     if raw > design.command_max:
         return design.command_max, SATURATED
     if raw < design.command_min:

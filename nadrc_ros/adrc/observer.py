@@ -45,8 +45,7 @@ def update(
     if steps[1] != dt or steps[0] != speed:
         place(design, dt, speed, scratch)
     reach = design.reach
-    nonlinear, chained = design.nonlinear, design.chained
-    wraps = design.measurement_period > 0.0
+    shaped, chained = design.shaped, design.chained
     # While loops: half the time of range() in plain Python.
     k = 0
     while k < count:
@@ -71,12 +70,12 @@ def update(
             j -= 1
         ahead += x[0]
         innovation = measurement - ahead
-        if wraps:  # all levels get the equivalent that is nearest for level 1
-            measurement -= whole(innovation, design.measurement_period)
-            innovation = measurement - ahead
-            wraps = False
-        if nonlinear:
-            gains = softened(gains, abs(innovation) / design.eso_delta, scratch[count + 1])
+        if shaped:
+            if k == 0:  # all levels get the equivalent that is nearest for level 1
+                measurement -= whole(innovation, design.measurement_period)
+                innovation = measurement - ahead
+            if design.nonlinear:
+                gains = softened(gains, abs(innovation) / design.eso_delta, scratch[count + 1])
         z[0] = ahead + gains[0] * innovation
         i = 1
         while i < last:

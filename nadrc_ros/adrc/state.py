@@ -12,7 +12,7 @@ from math import inf, nan
 import attrs
 from nadrc_ros.adrc.delay_line import acting, blank_line, copy_line
 from nadrc_ros.adrc.design import Design, Matrix, Vector
-from nadrc_ros.adrc.feedback import feedback
+from nadrc_ros.adrc.feedback import fal_feedback
 from nadrc_ros.adrc.limiter import clamp
 
 # Of ``State.work``, before its two matrices.
@@ -24,22 +24,21 @@ class State:
     """
     State of one controller: observer ``levels`` (K, N), reference ``profile`` r, r', ... (n+1,).
 
-    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (2,)
-    is what a bumpless transfer added to the command: at a takeover, decaying with the controller
-    bandwidth, and what is noise of one sample, decaying with that of the inner observer.
+    In level k (counted from 0) ``levels[k][n]`` is its disturbance estimate d_k. ``offset`` (3,)
+    is what was added to the command of the law: by a bumpless transfer, decaying with the
+    controller bandwidth; what of that is noise of one sample, decaying with that of the inner
+    observer; and the feed-forward, without which is what is held, the mean and what is on its way.
     ``smoothed`` (2,) is the unlimited command without that, smoothed with the controller bandwidth
     once and twice. ``startup`` (1,) is how far the observers are through their rise after the
     first start, from 0 to 1. ``gain`` (3,) is b0, what it was looked up for in its table, and
-    whether it was (1 or 0). ``resting`` (4,) is whether the command is held inside the deadband
-    (1 or 0), that command, the reference it is held for, and how long the error was small [s].
+    whether it was (1 or 0). ``resting`` (4,) is whether the command is held inside the deadband (1
+    or 0), that command, the reference it is held for, and how long the error was small [s].
     ``since_sample`` (2,) is the mean command of the ticks without a sample that followed the last
     one, and their time [s]. ``delay_line`` is what is on its way to a plant with dead time, empty
     without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``angle`` (3,) is of an angle: the last
     reference received, nan before it, the equivalent of it that is followed, and the turns that
-    were taken off all of these. ``feed_forward`` (1,) is that of the command that was decided
-    last; what is held, the mean and what is on its way are without it. ``scratch`` (K + 2, N)
-    remembers the observer gains of the last time step: it changes the speed of a step, and nothing
-    else.
+    were taken off all of these. ``scratch`` (K + 2, N) remembers the observer gains of the last
+    time step: it changes the speed of a step, and nothing else.
 
     With known dynamics (:mod:`~nadrc_ros.adrc.internal_model`) ``ripple`` (n+1,) is what a known
     vibration makes of y, ..., y^(n-1) at the samples under the command that cancels it, and by how
@@ -56,7 +55,6 @@ class State:
     since_sample: Vector
     delay_line: Vector
     angle: Vector
-    feed_forward: Vector
     scratch: Matrix
     ripple: Vector
     transition: Matrix
@@ -69,7 +67,7 @@ def blank_state(design: Design) -> State:
     return State(
         [[0.0] * design.states for _ in range(design.levels)],
         [0.0] * (design.order + 1),
-        [0.0, 0.0],
+        [0.0, 0.0, 0.0],
         [0.0, 0.0],
         [0.0],
         [design.b0, 0.0, 0.0],
@@ -77,7 +75,6 @@ def blank_state(design: Design) -> State:
         [0.0, 0.0],
         blank_line(design.input_delay),
         [nan, 0.0, 0.0],
-        [0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
         [0.0] * (design.order + 1),
         *_known_matrices(design),
@@ -108,7 +105,7 @@ def start(
     """
     origin = measurement if design.tracking_acceleration > 0.0 else reference
     out.gain[0], out.gain[1], out.gain[2] = design.b0, 0.0, 0.0
-    driving = applied - out.feed_forward[0]
+    driving = applied - out.offset[2]
     rest(design, measurement, acting(out.delay_line, driving), origin, out)
     out.startup[0] = 0.0
     out.angle[2] = 0.0
@@ -136,7 +133,7 @@ def rest(design: Design, measurement: float, applied: float, origin: float, out:
         out.resting[i] = 0.0
     out.offset[0] = out.offset[1] = 0.0
     out.since_sample[1] = 0.0
-    out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - out.feed_forward[0]
+    out.smoothed[0] = out.smoothed[1] = raw_command(design, out) - out.offset[2]
 
 
 def copy_vector(source: Vector, out: Vector) -> None:
@@ -162,7 +159,6 @@ def copy_state(state: State, out: State) -> None:
         copy_line(state.delay_line, out.delay_line)
     copy_vector(state.angle, out.angle)
     copy_vector(state.ripple, out.ripple)
-    out.feed_forward[0] = state.feed_forward[0]
 
 
 def average_command(state: State, applied: float, elapsed: float) -> None:
@@ -174,13 +170,17 @@ def average_command(state: State, applied: float, elapsed: float) -> None:
     state.since_sample[1] = total
 
 
-def settled(design: Design, x: Vector, reference: Vector, state: State) -> float:
-    """Return v + sum_i a_i y^(i), the known vibrations left to themselves: see ``ripple``."""
+def calm(design: Design, x: Vector, state: State) -> float:
+    """
+    Write y, ..., y^(n-1) with the known vibrations left to themselves into ``work``.
+
+    Return what b0 u has beside the feedback on it, sum_i a_i y^(i) and what ``ripple`` says.
+    """
     y, i = state.work[0], design.order
     while i > 0:
         i -= 1
         y[i] = x[i] - state.ripple[i]
-    return feedback(design, y, reference) + damping(design, y) - state.ripple[design.order]
+    return damping(design, y) - state.ripple[design.order]
 
 
 def damping(design: Design, x: Vector, first: int = 0) -> float:
@@ -196,21 +196,35 @@ def raw_command(design: Design, state: State) -> float:
     """
     Return u = (v + sum_i a_i y^(i) - sum_k d_k) / b0 + offset + feed-forward, not limited.
 
-    At rest it is what is held, + feed-forward.
+    The feedback v = r^(n) + sum_i k_i g(r^(i) - y^(i)), g the identity or fal, is in units of
+    y^(n); the paper never writes the sum. At rest u is what is held, + feed-forward.
     """
-    if design.error_deadband > 0.0 and state.resting[0] > 0.0:
-        return state.resting[1] + state.feed_forward[0]
     levels = state.levels
     order = design.order
     reference = design.no_reference if design.error_based else state.profile
     x = levels[design.feedback_level]
-    v = settled(design, x, reference, state) if design.known else feedback(design, x, reference)
+    b0, v = design.b0, reference[order]
+    if design.special:
+        if design.error_deadband > 0.0 and state.resting[0] > 0.0:
+            return state.resting[1] + state.offset[2]
+        b0 = state.gain[0]
+        if design.known:
+            v += calm(design, x, state)
+            x = state.work[0]
+    if design.linear:  # here, as a call would take a thirtieth of the step
+        gains = design.feedback_gains
+        i = 0
+        while i < order:
+            v += gains[i] * (reference[i] - x[i])
+            i += 1
+    else:
+        v = fal_feedback(design, x, reference, v)
     k = design.cancelled
     while k > 0:
         k -= 1
         v -= levels[k][order]
     offset = state.offset
-    return v / state.gain[0] + offset[0] + offset[1] + state.feed_forward[0]
+    return v / b0 + offset[0] + offset[1] + offset[2]
 
 
 def match_command(design: Design, state: State, command: float) -> None:
@@ -224,7 +238,7 @@ def match_command(design: Design, state: State, command: float) -> None:
     """
     raw = raw_command(design, state)
     if clamp(design, raw) != command:
-        law = raw - state.offset[0] - state.offset[1] - state.feed_forward[0]
+        law = raw - state.offset[0] - state.offset[1] - state.offset[2]
         usual = 2.0 * state.smoothed[0] - state.smoothed[1]  # which does not lag a ramp
         state.offset[1] = usual - law
         state.offset[0] += command - raw_command(design, state)
@@ -245,7 +259,7 @@ def disturbance_estimate(design: Design, state: State) -> float:
     total = 0.0
     for k in range(design.levels):
         total += state.levels[k][design.order]
-    total -= state.gain[0] * state.feed_forward[0]
+    total -= state.gain[0] * state.offset[2]
     return total + reference_share(design, state.profile) if design.error_based else total
 
 

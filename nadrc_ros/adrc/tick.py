@@ -68,7 +68,7 @@ def tick(
     if possible and policy.measurement_age == inf:
         if policy.reference_age == inf and not referenced:
             _hold(reference, measurement)
-        state.feed_forward[0] = feed_forward
+        state.offset[2] = feed_forward
         start(design, measurement, applied, reference[0], state)
     command, status = step(
         design,
@@ -85,7 +85,7 @@ def tick(
     )
     used = status < NO_MEASUREMENT
     if not used:
-        acting = applied - state.feed_forward[0]
+        acting = applied - state.offset[2]
         if design.input_delay > 0.0:
             line = out.delay_line
             acting = pass_through(design.input_delay, line, acting, elapsed, line)
@@ -136,8 +136,8 @@ def _without_sample(
     downstream: float,
 ) -> float:
     """Return the command of a tick without a sample: held, or still on its way to the last one."""
-    fed = feed_forward != state.feed_forward[0]
-    state.feed_forward[0] = feed_forward
+    fed = feed_forward != state.offset[2]
+    state.offset[2] = feed_forward
     if design.command_rate_limit > 0.0 or fed:
         raw = raw_command(design, state)
         if isfinite(raw):

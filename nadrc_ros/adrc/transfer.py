@@ -76,13 +76,13 @@ def retune(
             after.ripple[:] = state.ripple
     if new.error_based:
         after.levels[0][n] -= reference_share(new, after.profile)
-    driving = applied - state.feed_forward[0]
+    driving = applied - state.offset[2]
     retune_gain(old, new, state, acting(state.delay_line, driving), after)
     if new.error_deadband > 0.0:  # else it wakes
         after.resting[:] = state.resting
     after.offset[:] = state.offset
     if new.controller_bandwidth < old.controller_bandwidth:
-        after.offset[:] = 0.0, sum(state.offset)
+        after.offset[:] = 0.0, state.offset[0] + state.offset[1], state.offset[2]
     # Not begun anew: what the observers rose to, and what the law usually asks for.
     after.startup[:] = state.startup
     after.smoothed[:] = state.smoothed
@@ -90,7 +90,6 @@ def retune(
     if old.input_delay > 0.0 and new.input_delay > 0.0:  # cut, if it is too long
         pass_through(new.input_delay, state.delay_line, driving, 0.0, after.delay_line)
     after.angle[:] = state.angle
-    after.feed_forward[:] = state.feed_forward
     command = limit(old, raw_command(old, state), sent, dt, downstream)[0]
     _make_up(new, after, command, sent, dt, downstream, 1)
     # The next step will take the reference itself for the profile. That is no noise of one

@@ -18,10 +18,11 @@ from hashlib import sha256
 from importlib import import_module
 from inspect import getmembers, getmodule, getsource, isfunction
 from math import isfinite, isnan, nan
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any
 
-from nadrc_ros.adrc import delay_line, internal_model, law, observer, transfer, transition
+from nadrc_ros.adrc import angle, law, observer, state
+from nadrc_ros.adrc import tick as ticks
 from nadrc_ros.adrc.angle import counted, short
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.reference import estimated, follow
@@ -32,10 +33,6 @@ from nadrc_ros.adrc.state import (
     damping,
     disturbance_estimate,
     output_estimate,
-    reference_share,
-    rest,
-    settled,
-    start,
 )
 from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.adrc.tick import tick
@@ -51,13 +48,21 @@ from numba.core.event import Event, install_listener, Listener
 from numba.extending import intrinsic, overload, register_jitable
 import numpy as np
 
-_LAW = tuple(
-    import_module(f'nadrc_ros.adrc.{name}')
-    for name in (
-        *('delay_line', 'limiter', 'feedback', 'state', 'angle', 'differentiator', 'observer'),
-        *('transition', 'internal_model', 'gain', 'deadband', 'law', 'transfer', 'supervisor'),
-        *('tick', 'sample', 'settings', 'status', 'realised', 'reference'),
-    )
+
+def _modules(*names: str) -> tuple[ModuleType, ...]:
+    return tuple(import_module(f'nadrc_ros.adrc.{name}') for name in names)
+
+
+# What a usual period calls is inlined, which makes the loop six times as fast. The rest, which
+# only some settings or the ends of a fault need, would multiply the time to compile for nothing.
+_RARE = _modules(
+    *('delay_line', 'transition', 'internal_model', 'gain', 'deadband'),
+    *('transfer', 'realised', 'reference'),
+)
+_LAW = (
+    *(angle, law, observer, state, ticks, *_RARE),
+    *_modules('limiter', 'feedback', 'differentiator', 'supervisor'),
+    *_modules('sample', 'settings', 'status'),
 )
 _SIMULATION = (
     *(integrate, sample_time, reach, total_disturbance, shown),
@@ -67,15 +72,11 @@ _SIMULATION = (
 _LOOPS_KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
 _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
-# All others are inlined, which makes the loop six times as fast; these would double the time to
-# compile for nothing.
 _NOT_INLINED = (
-    *(law._refuse, law._restart, start, rest, delay_line.pass_through),
-    *(transfer.restart_profile, observer.place, follow),
-    *(internal_model.update_known, internal_model.place_known, internal_model.observe),
-    *(internal_model.place_level, internal_model.apply, internal_model.restore),
-    *(internal_model.foresee, internal_model.lead, settled, reference_share),
-    *(transition.polynomials, transition.exponential, transition.taylor, transition.solve),
+    *(law._refuse, law._restart, ticks._take_over, ticks._without_sample),
+    *(state.start, state.rest, state.copy_state, state.match_command, state.calm),
+    *(state.reference_share, observer.place, observer.softened),
+    *(angle.receive, angle.recentre, angle.unwrapped),
 )
 # Compiled once for all loops, which takes longer than the rest of one.
 _SHARED = (tick, follow)
@@ -335,13 +336,17 @@ def share_law() -> None:
 
 def _share(function: Any) -> None:
     shared = FunctionType(function.__code__, function.__globals__)
-    options = {'forceinline': function not in _NOT_INLINED, 'cache': _named_by_source(shared, ())}
+    options = {'forceinline': _is_inlined(function), 'cache': _named_by_source(shared, ())}
     overload(function, jit_options=options, strict=False)(lambda *arguments: shared)
 
 
 @cache
 def _register(function: Callable[..., Any]) -> None:
-    register_jitable(forceinline=function not in _NOT_INLINED)(function)
+    register_jitable(forceinline=_is_inlined(function))(function)
+
+
+def _is_inlined(function: Callable[..., Any]) -> bool:
+    return function not in _NOT_INLINED and getmodule(function) not in _RARE
 
 
 @cache

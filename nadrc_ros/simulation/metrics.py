@@ -165,7 +165,7 @@ def accumulate_remainders(
     paper. A feed-forward leaves less of L to estimate. What is not finite, or would make a sum
     overflow, is left out.
     """
-    remainder = truth + state.gain[0] * state.feed_forward[0]
+    remainder = truth + state.gain[0] * state.offset[2]
     if design.error_based:
         remainder -= reference_share(design, state.profile)
     for k in range(design.levels):
