@@ -36,7 +36,7 @@ H = 0.01
 CASES = {
     **{f'{name}-{n}': {'structure': name, 'plant_order': n} for name in NAMES for n in ORDERS},
     **{
-        name: {key: value for key, value in case.items() if key != 'tracking_acceleration'}
+        name: {k: v for k, v in case.items() if k not in ('tracking_acceleration', 'b0_table')}
         for name, case in varied_settings().items()
     },
     'cascade-4': {'structure': 'cascade', 'levels': 4, 'feedback_level': 'outer'},
