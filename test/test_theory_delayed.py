@@ -82,6 +82,32 @@ def test_stability_response_and_noise_are_those_of_the_loop_with_the_delay_as_st
         assert command_variance(loop, 2.0) == pytest.approx(float(of_command[0, 0]), rel=1e-6)
 
 
+@pytest.mark.parametrize(('periods', 'noise'), ((3.0, 98.288), (5.0, 90.728), (2.4, None)))
+def test_behind_a_delay_a_law_that_knows_a_vibration_has_the_noise_of_its_own_command(
+    periods: float, noise: float | None
+) -> None:
+    """Not that of the law without the delay, which makes of the same estimates another command."""
+    design = wide_design(
+        inner_bandwidth=15.0,
+        outer_bandwidth=10.0,
+        controller_bandwidth=2.0,
+        input_delay=periods * H,
+        disturbance_frequencies=(20.0,),
+    )
+    plant = chain(2, design.b0)
+    augmented = closed_loop(design, plant, H, periods * H)
+    loop = delayed_loop(design, plant, H, periods * H)
+    omega = np.geomspace(0.1, np.pi / H, 30)
+    expected = response(augmented, omega)
+    np.testing.assert_allclose(
+        closed_response(loop)(omega), expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max()
+    )
+    of_command = output_covariance(pick(augmented, [NOISE], [COMMAND]))
+    assert command_variance(loop) == pytest.approx(float(of_command[0, 0]), rel=1e-6)
+    if noise is not None:
+        assert command_variance(loop) ** 0.5 * design.b0 == pytest.approx(noise, rel=1e-4)
+
+
 def recursion(system: StateSpace, inputs: list[int], count: int) -> Array:
     """Return the output after unit steps, period by period."""
     x, found = np.zeros((len(system.a), len(inputs))), []

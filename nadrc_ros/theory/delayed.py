@@ -120,20 +120,20 @@ def open_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
 
 def closed_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
     """Return the response (..., outputs, inputs) as a function of omega, which may be complex."""
-    matrix, drive, c = _matrices(loop)
+    matrix, drive, c, d = _matrices(loop)
 
     def at(omega: ArrayLike) -> Complex:
         s = 1j * np.asarray(omega, dtype=np.complex128)
         states = np.linalg.solve(matrix(s), drive(s))
-        return np.asarray(c @ states + loop.closed.d)
+        return np.asarray(c @ states + d)
 
     return at
 
 
 def _matrices(
     loop: Loop,
-) -> tuple[Callable[[Complex], Complex], Callable[[Complex], Complex], Array]:
-    """Return what multiplies x, and what drives it, as functions of s, z = exp(s h), and c."""
+) -> tuple[Callable[[Complex], Complex], Callable[[Complex], Complex], Array, Array]:
+    """Return what multiplies x, what drives it, as functions of s, z = exp(s h), and c, d."""
     p, k = loop.plant, loop.law
     n, m, inputs = len(p.a), len(k.a), k.b.shape[1]
     by_y, by_r = k.b[:, 1:2], k.b[:, 2:]
@@ -144,6 +144,9 @@ def _matrices(
     row = np.hstack([k.d[:, 1:2] @ p.c, k.c])
     through = np.hstack([k.d[:, 1:2], np.zeros((1, 1)), k.d[:, 2:]])
     load = np.eye(1, inputs, 1)
+    # Of this law: with known vibrations the one without the delay, in closed, has another output.
+    c = np.vstack([np.hstack([p.c, np.zeros((1, m))]), row])
+    d = np.vstack([np.zeros((1, inputs)), through])
     scale = balance(a + (into_plant + into_law) @ row)
     a = a * scale / scale[:, None]
     b, into_plant, into_law = (each / scale[:, None] for each in (b, into_plant, into_law))
@@ -163,7 +166,8 @@ def _matrices(
     return (
         matrix,
         lambda s: np.asarray(b + by_command(s) @ through + late(s) @ load),
-        loop.closed.c * scale,
+        c * scale,
+        d,
     )
 
 
