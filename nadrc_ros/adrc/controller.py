@@ -206,8 +206,8 @@ class Controller:
         """
         Return what became of the last reference, and whether the law follows one.
 
-        That is for the outer loop of a cascade, as :func:`~nadrc_ros.adrc.realised.
-        realised_reference` says; ``unknown`` where nothing is known yet.
+        That is for the outer loop of a cascade; ``unknown`` where nothing is known yet. See
+        :func:`~nadrc_ros.adrc.realised.realised_reference`.
         """
         now = realised_reference(self.design, self.state, self.policy, self.command, unknown)
         return now, self.policy.mode == MODE_OK

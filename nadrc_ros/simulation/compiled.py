@@ -108,6 +108,12 @@ def unowned(context: Any, value: Any) -> Any:
     return value(value), codegen
 
 
+@register_jitable(forceinline=False)
+def advance(*arguments: Any) -> None:
+    """Integrate, not inlined; were this local to a loop, numba would not find it on disk."""
+    integrate(*arguments)
+
+
 @lru_cache(_LOOPS_KEPT)
 def compiled_loop(
     derivative: Any, output: Any, references: Any, disturbances: Any
@@ -121,10 +127,6 @@ def compiled_loop(
     share_law()
     for function in (*methods, *_SIMULATION):
         _register(function)
-
-    @register_jitable(forceinline=False)
-    def advance(*arguments: Any) -> None:
-        integrate(*arguments)
 
     def loop(
         things: Any,
@@ -273,8 +275,7 @@ def compiled_loop(
             k += 1
         if k < stop and estimates > 0:  # plain Python takes the sample of this period anew
             copy_vector(memory_before, memory)
-        parity = (k - first) % 2
-        return k, status, command, policy, parity, (asked_status, asked, around)
+        return k, status, command, policy, (k - first) % 2, (asked_status, asked, around)
 
     known = _named_by_source(loop, (*methods, *_SIMULATION))
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=known)(loop)
