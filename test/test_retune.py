@@ -315,20 +315,6 @@ def test_p12_a_change_is_no_start_of_the_observers() -> None:
 
 
 @pytest.mark.parametrize('structure', NAMES)
-def test_p12_a_new_b0_asks_the_estimate_of_what_the_command_did(structure: str) -> None:
-    """L = y'' - b0 u, with the u that acted; disabled, that is not the one the law would send."""
-    settings = ControllerSettings(structure=structure, safe_command=-2.0)
-    controller, chain = Controller(settings, enabled=False), Chain(2)
-    for _ in range(300):
-        chain.advance(controller.tick(chain.y, H, reference=[5.0]) + 2.5, H)
-    assert controller.total_disturbance == pytest.approx(2.5, abs=1e-4)
-    controller.retune(attrs.evolve(settings, b0=3.0))
-    for _ in range(20):
-        chain.advance(controller.tick(chain.y, H, reference=[5.0]) + 2.5, H)
-        assert controller.total_disturbance == pytest.approx(2.5 - 2.0 * -2.0, abs=1e-3)
-
-
-@pytest.mark.parametrize('structure', NAMES)
 @pytest.mark.parametrize('change', (None, {'b0': 3.0}, {'levels': 1}, {'structure': 'printed'}))
 def test_a_transfer_leaves_no_trace(structure: str, change: dict[str, Any] | None) -> None:
     """At rest the loop stays at rest through it; None is disabling and enabling again."""

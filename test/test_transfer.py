@@ -6,7 +6,7 @@ from itertools import pairwise
 from math import sin
 
 import attrs
-from law_helpers import Chain, state_bits
+from law_helpers import Chain, NAMES, state_bits
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import disturbance_estimate, output_estimate
@@ -203,3 +203,17 @@ def test_p12_estimates_of_the_error_have_the_rate_of_the_reference_of_now(
         u = controller.tick(chain.y, H, reference=[0.5 * k * H, 0.5])
         chain.advance(u + push, H)
         assert k < 500 or abs(u - before) < 0.05
+
+
+@pytest.mark.parametrize('structure', NAMES)
+def test_p12_a_new_b0_asks_the_estimate_of_what_the_command_did(structure: str) -> None:
+    """L = y'' - b0 u, with the u that acted; disabled, that is not the one the law would send."""
+    settings = ControllerSettings(structure=structure, safe_command=-2.0)
+    controller, chain = Controller(settings, enabled=False), Chain(2)
+    for _ in range(300):
+        chain.advance(controller.tick(chain.y, H, reference=[5.0]) + 2.5, H)
+    assert controller.total_disturbance == pytest.approx(2.5, abs=1e-4)
+    controller.retune(attrs.evolve(settings, b0=3.0))
+    for _ in range(20):
+        chain.advance(controller.tick(chain.y, H, reference=[5.0]) + 2.5, H)
+        assert controller.total_disturbance == pytest.approx(2.5 - 2.0 * -2.0, abs=1e-3)
