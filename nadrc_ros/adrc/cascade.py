@@ -21,7 +21,8 @@ class CascadeSettings(ControllerSettings):
     Raises
     ------
     SettingError
-        As :class:`ControllerSettings`; also for commands that the inner loop would not take.
+        As :class:`ControllerSettings`; also for commands that the inner loop would not take, and a
+        feed-forward.
 
     """
 
@@ -32,6 +33,9 @@ class CascadeSettings(ControllerSettings):
     def __attrs_post_init__(self) -> None:
         super().__attrs_post_init__()
         self.check_inner(self.inner)
+        if self.feed_forward_timeout > 0.0:
+            allowed = '0 (off) in a scenario, whose feed_forward is for the innermost loop'
+            raise SettingError('feed_forward_timeout', self.feed_forward_timeout, allowed)
 
     def check_rate(self, rate: float) -> None:
         """Refuse times that are too short for a loop at ``rate`` [Hz], in every loop."""

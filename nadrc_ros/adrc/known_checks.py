@@ -10,7 +10,10 @@ MOST_TURN, MOST_DECAY = 1.57, 2.0
 
 
 def check_known(
-    plant_poles: tuple[float, ...], frequencies: tuple[float, ...], measurement_period: float
+    plant_poles: tuple[float, ...],
+    frequencies: tuple[float, ...],
+    slowest: float,
+    measurement_period: float,
 ) -> None:
     """
     Refuse what no observer can have a model of.
@@ -18,13 +21,18 @@ def check_known(
     Raises
     ------
     SettingError
-        For more frequencies than there may be, equal ones, or an angle without a pole of 0.
+        For more frequencies than there may be, equal ones or any below ``slowest``, or an angle
+        without a pole of 0.
 
     """
     known = [w for w in frequencies if w > 0.0]
     if len(known) > MAX_FREQUENCIES or len(set(known)) < len(known):
         raise SettingError(
             'disturbance_frequencies', frequencies, f'at most {MAX_FREQUENCIES} that differ'
+        )
+    if any(w < slowest for w in known):
+        raise SettingError(
+            'disturbance_frequencies', frequencies, f'0 (none) or at least {slowest:g} rad/s each'
         )
     if measurement_period > 0.0 and all(plant_poles):
         raise SettingError(

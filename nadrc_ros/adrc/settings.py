@@ -306,7 +306,12 @@ class ControllerSettings:
                 'at a stop',
             )
         self._check_table()
-        check_known(self.plant_poles, self.disturbance_frequencies, self.measurement_period)
+        check_known(
+            self.plant_poles, self.disturbance_frequencies, SLOWEST, self.measurement_period
+        )
+        if 0.0 < 0.5 * self.measurement_period <= self.error_deadband:
+            allowed = f'less than half of measurement_period = {self.measurement_period!r}'
+            raise SettingError('error_deadband', self.error_deadband, allowed)
         n = self.plant_order
         self._check_length('plant_poles', n)
         self._check_length('fal_gains', n)
