@@ -162,7 +162,7 @@ def numbers(controller: Controller) -> bool:
     return all(isfinite(x) for row in rows for x in row)
 
 
-@at_least(60)
+@at_least(80)
 @given(everything(), CHANGES, st.integers(0, 2**30))
 def test_p01_p02_p03_p04_p05_p11_p12_p18_whatever_comes_and_changes(
     settings: ControllerSettings, changes: Changes, seed: int
@@ -315,3 +315,45 @@ def test_in_other_units_and_with_the_other_sign_of_b0_all_is_the_same_to_the_bit
             scaled_told['reference'] = [v if v is None else v * size for v in told['reference']]
         assert here.tick(**told) * push == there.tick(**scaled_told), k
         assert here.status == there.status and here.mode == there.mode, k
+
+
+@at_least(30)
+@given(everything(), everything(), CHANGES, st.integers(0, 2**30))
+def test_p02_p12_p18_so_are_both_loops_of_a_cascade(
+    outer: ControllerSettings, inner: ControllerSettings, changes: Changes, seed: int
+) -> None:
+    outer = attrs.evolve(outer, applied_timeout=0.0)
+    inner = attrs.evolve(inner, measurement_period=0.0, reference_min=-1e3, reference_max=1e3)
+    loops, rng = [Controller(outer), Controller(inner)], random.Random(seed)
+    loops[0].join(loops[1])
+    worlds = [World(loop.settings, seed + 1) for loop in loops]
+    when = {rng.randrange(20, TICKS): change for change in changes}
+    with TemporaryDirectory() as folder:
+        traces = [TraceWriter(Path(folder) / str(i), loops[i].settings) for i in (0, 1)]
+        for k in range(TICKS):
+            turn = rng.randrange(2)
+            for i, loop in enumerate(loops):
+                if rng.random() < 0.01:
+                    loop.enabled = not loop.enabled
+                    if not loop.enabled:
+                        traces[i].disabled()
+                told, kept = worlds[i].next(loop.command), None
+                if i == 1:
+                    told['reference'] = [loops[0].command, 0.0, 0.0]
+                wanted = changed(loop.settings, *when[k]) if i == turn and k in when else None
+                if wanted is not None and not when[k][0].startswith(('command', 'reference')):
+                    kept = deepcopy(loop)
+                    loop.retune(wanted)
+                    traces[i].settings(wanted)
+                if i == 1:
+                    judge_tick(loop, told, kept, f'tick {k}')
+                else:
+                    u = loop.tick(**told)
+                    assert loop.design.command_min <= u <= loop.design.command_max
+                    assert numbers(loop), k
+                    if kept is not None:
+                        assert u == pytest.approx(kept.tick(**told), rel=1e-12, abs=1e-9), k
+                traces[i].tick(loop, told.get('reference'))
+        for i, trace in enumerate(traces):
+            trace.close()
+            assert all(now == again for now, again in replay(Path(folder) / str(i)))
