@@ -263,6 +263,17 @@ def test_at_rest_an_angle_stays_at_rest_where_a_turn_is_taken_off() -> None:
     assert controller.state.angle[2] == 1.0
 
 
+def test_p01_a_bad_sample_takes_no_turns_off() -> None:
+    controller = controller_of(1.0)
+    for _ in range(5):
+        controller.tick(0.1, H, reference=[0.1])
+    controller.state.levels[0][0] = 1.2  # as where a change lets another level feed the law
+    controller.tick(NAN, H)
+    assert controller.state.levels[0][0] == 1.2
+    controller.tick(0.2, H)
+    assert controller.state.levels[0][0] == pytest.approx(0.2, abs=0.02)
+
+
 def test_p13_a_limited_joint_is_refused() -> None:
     with pytest.raises(SettingError, match='end stops') as refused:
         ControllerSettings(measurement_min=-3.0, measurement_max=3.0, measurement_period=TURN)

@@ -98,7 +98,8 @@ def tick(
     limited = status == SATURATED and command != design.safe_command
     seen, aim = measurement, out.profile[0]
     if period > 0.0:
-        recentre(design, out, reference)
+        if used:  # a bad sample leaves the state as it is
+            recentre(design, out, reference)
         measurement = unwrapped(design, out, measurement)
         seen, aim = counted(design, out, measurement), counted(design, out, out.profile[0])
     after = supervise(design, policy, sample, used, referenced, enabled, limited, aim, seen)
