@@ -279,6 +279,7 @@ def test_p13_a_limited_joint_is_refused() -> None:
         ControllerSettings(measurement_min=-3.0, measurement_max=3.0, measurement_period=TURN)
     assert refused.value.name == 'measurement_period'
     ControllerSettings(measurement_min=-180.0, measurement_max=180.0, measurement_period=360.0)
+    ControllerSettings(measurement_min=0.0, measurement_max=255.0, measurement_period=256.0)
 
 
 SCENARIO = """

@@ -297,7 +297,7 @@ class ControllerSettings:
                 'tracking_acceleration', 0.0, 'above 0 with reference_derivatives = differentiator'
             )
         travel = self.measurement_max - self.measurement_min
-        if self.measurement_period > travel:
+        if 0.99 * self.measurement_period > travel:  # counts lack the last one: 4095 of 4096
             raise SettingError(
                 'measurement_period',
                 self.measurement_period,
