@@ -42,7 +42,7 @@ NOISY: dict[str, Signal] = {
 }
 WAYS: dict[str, dict[str, Any]] = {
     'topics': {'reference_derivatives': 'topics'},
-    'auto': {},
+    'auto': {'reference_derivatives': 'auto'},
     'error_based': {'error_based': True},
     'none': {'reference_derivatives': 'none'},
 }

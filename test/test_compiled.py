@@ -208,12 +208,13 @@ def test_a_reference_that_comes_alone_gives_the_same_bits(
     faults = Faults(measurement=(MeasurementFault(kind='silent', start=0.5, duration=0.2),))
     retunes = (Retune(time=2.0, settings={'controller_bandwidth': 9.0}),)
     alone = chain(order, reference_alone=True, reference_rate=rate, faults=faults, retunes=retunes)
+    settings = {'reference_derivatives': 'auto'} | settings
     result = both(alone, **settings)
     if rate:
         assert len(set(result.reference)) == rate * alone.duration
-    zero = {} if settings.get('reference_derivatives') else {'reference_derivatives': 'none'}
-    without = simulate(alone, ControllerSettings(**settings | zero))
-    assert np.array_equal(without.command, result.command) == (not zero)
+    without = simulate(alone, ControllerSettings(**settings | {'reference_derivatives': 'none'}))
+    estimated = settings['reference_derivatives'] == 'auto'
+    assert np.array_equal(without.command, result.command) == (not estimated)
 
 
 @pytest.mark.parametrize('kind', MEASUREMENT_KINDS)

@@ -134,7 +134,8 @@ def test_setpoints_further_apart_than_the_loop_settles_are_steps() -> None:
 
 def test_derivatives_that_come_are_taken_and_those_that_cease_are_estimated() -> None:
     """Per derivative; from one to the other the command has no bump."""
-    controller, chain, commands = Controller(ControllerSettings(max_dt=0.1)), Chain(2), []
+    settings = ControllerSettings(max_dt=0.1, reference_derivatives='auto')
+    controller, chain, commands = Controller(settings), Chain(2), []
     r = [0.0, 0.0, 0.0]
     for k in range(400):
         SWING.derivatives(k * H, r)

@@ -187,10 +187,11 @@ class ControllerSettings:
         '0 = off',
     )
     reference_derivatives: str = choice(
-        'auto',
-        ('auto', 'topics', 'differentiator', 'none'),
-        'derivatives of the reference: received, and from its own samples while they do not come; '
-        'only received; from the tracking differentiator; or taken as 0',
+        'topics',
+        ('topics', 'auto', 'differentiator', 'none'),
+        'derivatives of the reference: received, 0 while they do not come; received, and from its '
+        'own samples while they do not come, for trajectories only; from the tracking '
+        'differentiator; or taken as 0',
         live=False,
     )
     error_based: bool = flag(
