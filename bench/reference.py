@@ -6,6 +6,7 @@ A reference that comes alone: what each way to its derivatives is worth, as docs
 Keys: ``reference.<order>.<way>.<sender>`` the RMS distance of an arm from what is published
 [1e-3 rad]; ``.noise at rest``, ``.noise of a ramp`` and ``.noise of a sine`` the noise of the
 command under a noisy reference, over that without derivatives.
+``reference.setpoints <order>.<way>.<name>`` what setpoints in a sequence do to a plant 1 / s^n.
 """
 
 from __future__ import annotations
@@ -124,6 +125,68 @@ def noise(way: dict[str, Any], order: int, signal: Signal, ticks: int = 2000) ->
     return sqrt(sum((a - b) ** 2 for a, b in zip(*commands, strict=True)))
 
 
+def drawn(every: int) -> Callable[[int], float]:
+    """Return a setpoint from 0 to 1 that is drawn anew each so many ticks."""
+    rng = random.Random(5)
+    values = [rng.random() for _ in range(600 // every)]
+    return lambda k: values[k // every]
+
+
+def parts(count: int, every: int) -> Callable[[int], float]:
+    """Return a step to 1 after a second, in parts that come each so many ticks."""
+    return lambda k: min(max((k - 100) // every + 1, 0), count) / count
+
+
+def coloured() -> Callable[[int], float]:
+    """Return noise of a reference that rests, of standard deviation 0.01 and pole 0.9."""
+    rng, values = random.Random(2), [0.0]
+    for _ in range(600):
+        values.append(values[-1] + 0.1 * (rng.gauss(0.0, 0.01) - values[-1]))
+    return lambda k: values[k]
+
+
+# What is sent at 100 Hz, and each so many ticks.
+SETPOINTS: dict[str, tuple[Callable[[int], float], int]] = {
+    'drawn at 5 Hz': (drawn(20), 1),
+    'drawn at 20 Hz': (drawn(5), 1),
+    'two halves, 20 ms apart': (parts(2, 2), 1),
+    'two halves, 0.1 s apart': (parts(2, 10), 1),
+    'three thirds, 0.3 s apart': (parts(3, 30), 1),
+    'slider at 20 Hz, 0.4 s': (lambda k: min(max((k - 100) / 40, 0.0), 1.0), 5),
+    'coloured noise at rest': (coloured(), 1),
+}
+
+
+def setpoints(order: int, way: dict[str, Any]) -> dict[str, float]:
+    """Return the largest command, its RMS and how far y goes for setpoints of a plant 1 / s^n."""
+    settings = ControllerSettings(
+        plant_order=order,
+        inner_bandwidth=40.0,
+        outer_bandwidth=30.0,
+        controller_bandwidth=4.0,
+        command_min=-1e4,
+        command_max=1e4,
+        **way,
+    )
+    found = {}
+    for name, (send, every) in SETPOINTS.items():
+        controller, chain = Controller(settings, checked=True), [send(0)] + [0.0] * (order - 1)
+        commands, outputs = [], []
+        for k in range(600):
+            outputs.append(chain[0])
+            sent = None if k % every else [send(k)]
+            u = controller.tick(chain[0], 0.01, reference=sent)
+            commands.append(u)
+            for i in range(order - 1):
+                chain[i] += 0.01 * (chain[i + 1] + 0.005 * u)
+            chain[-1] += 0.01 * u
+        found[f'{name}: largest command'] = max(map(abs, commands))
+        found[f'{name}: RMS of the command'] = sqrt(sum(u * u for u in commands) / 600)
+        found[f'{name}: smallest y'] = min(outputs)
+        found[f'{name}: largest y'] = max(outputs)
+    return found
+
+
 def figures(order: int, way: dict[str, Any]) -> dict[str, float]:
     """Return the figures of one way."""
     settings = arm_settings(order, **way)
@@ -139,10 +202,16 @@ def figures(order: int, way: dict[str, Any]) -> dict[str, float]:
 def main(orders: tuple[int, ...] = (1, 2, 3), **where: Any) -> None:
     """Compare the ways."""
     found = {order: {name: figures(order, way) for name, way in WAYS.items()} for order in orders}
-    save('reference', {str(order): each for order, each in found.items()}, {}, **where)
+    jumps = {n: {w: setpoints(n, WAYS[w]) for w in ('topics', 'auto')} for n in orders if n < 3}
+    saved = {str(n): each for n, each in found.items()}
+    saved |= {f'setpoints {n}': each for n, each in jumps.items()}
+    save('reference', saved, {}, **where)
     for order, each in found.items():
         turned = {key: {way: row[key] for way, row in each.items()} for key in each['auto']}
         show(f'order {order}: RMS error [1e-3], noise over that of none', turned, '')
+    for order, each in jumps.items():
+        turned = {key: {way: row[key] for way, row in each.items()} for key in each['auto']}
+        show(f'order {order}: setpoints in a sequence', turned, '')
 
 
 if __name__ == '__main__':
