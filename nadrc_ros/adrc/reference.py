@@ -10,7 +10,8 @@ a noisy one those that its noise allows, and one that rests gets none.
 
 What one sample alone says is a step, and a step has no derivative: the filters take it along.
 Motion is what the next sample confirms; to slow down needs no confirmation. So a second step soon
-after the first is taken for motion, too: this is for trajectories, not for setpoints in a sequence.
+after the first is taken for motion, too: this is for trajectories, not for setpoints that come in
+a sequence.
 
 Source: the steady-state alpha-beta-gamma filter with three equal poles (D. Simon, Optimal state
 estimation, 2006, section 7.3); the choice among the memories as in A. Goldenshluger and
