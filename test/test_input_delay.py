@@ -18,6 +18,7 @@ from nadrc_ros.adrc.delay_line import acting, blank_line, pass_through
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.status import Status
+from nadrc_ros.adrc.transfer import retune
 from nadrc_ros.scenario import loads, SignalSpec
 from nadrc_ros.simulation.kernel import kernel_for
 from nadrc_ros.simulation.simulate import simulate
@@ -216,6 +217,32 @@ def test_p12_a_loop_that_is_told_its_delay_on_the_way_is_as_good_as_one_that_kne
     told = loop(0.03, 5, [(50, 0.0), (60, 0.05)])
     assert told[520:] == pytest.approx(knew[520:], abs=1e-3)
     assert max(map(abs, loop(0.0, 5))) > 1e3  # unstable without
+
+
+@pytest.mark.parametrize(
+    ('dt', 'before', 'delay'),
+    ((1e-3, 0.1, 0.3), (1e-3, 0.09, 0.1), (1e-2, 1.0, 1.5), (1e-2, 0.05, 5.0), (1e-3, 1.0, 0.1)),
+)
+def test_a_delay_that_changes_live_keeps_each_command_to_a_hundredth_of_it(
+    dt: float, before: float, delay: float
+) -> None:
+    """Of those on their way and of those that are sent then: a sine that never stops."""
+    old = design_of(plant_order=1, input_delay=before, **WIDE)
+    new = attrs.evolve(old, input_delay=delay)
+    state, omega, share = blank_state(old), 2.0 / delay, max(before, delay) / 100 + dt
+    start, end = round(2.0 * before / dt), round((2.0 * before + 3.0 * delay) / dt)
+    for k in range(end):
+        if k == start:
+            state = retune(old, new, state, [0.0], 0.0, dt, 0.0, nan)
+        told = old.input_delay if k < start else delay
+        line = state.delay_line
+        left = pass_through(told, line, np.sin(omega * k * dt), dt, line)
+        assert max(line[4 : 2 * int(line[0]) + 1 : 2], default=0.0) <= 2.0 * share
+        sent = k - round(delay / dt)
+        if k >= start and sent >= start - round(min(before, delay) / dt):
+            assert left == pytest.approx(np.sin(omega * sent * dt), abs=omega * 2.0 * share)
+        if k >= start + round(delay / dt):
+            assert sum(line[2 : 2 * int(line[0]) + 1 : 2]) == pytest.approx(delay, rel=1e-9)
 
 
 LATE = """

@@ -40,6 +40,28 @@ def copy_line(line: Vector, out: Vector) -> None:
         i -= 1
 
 
+def merge_short(delay: float, line: Vector) -> None:
+    """
+    Merge what is shorter than its share of a ``delay`` that became longer, mean-preserving.
+
+    Else the line would be full of the pieces of the delay before. What acts now stays.
+    """
+    end = 1 + 2 * int(line[0])
+    i = 5
+    j = min(i, end)
+    while i < end:
+        if line[j - 1] < delay / _PIECES:
+            total = line[j - 1] + line[i + 1]
+            line[j - 2] += (line[i] - line[j - 2]) * (line[i + 1] / total)
+            line[j - 1] = total
+        else:
+            line[j] = line[i]
+            line[j + 1] = line[i + 1]
+            j += 2
+        i += 2
+    line[0] = 0.5 * (j - 1)
+
+
 def pass_through(delay: float, line: Vector, command: float, length: float, out: Vector) -> float:
     """
     Let ``command`` enter for ``length`` [s]; return the mean of what leaves meanwhile.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import nan, prod
 
-from nadrc_ros.adrc.delay_line import acting, pass_through
+from nadrc_ros.adrc.delay_line import acting, merge_short, pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.gain import retune_gain
 from nadrc_ros.adrc.limiter import limit
@@ -89,6 +89,8 @@ def retune(
     after.since_sample[:] = state.since_sample
     if old.input_delay > 0.0 and new.input_delay > 0.0:  # cut, if it is too long
         pass_through(new.input_delay, state.delay_line, driving, 0.0, after.delay_line)
+        if new.input_delay > old.input_delay:
+            merge_short(new.input_delay, after.delay_line)
     after.angle[:] = state.angle
     command = limit(old, raw_command(old, state), sent, dt, downstream)[0]
     _make_up(new, after, command, sent, dt, downstream, 1)
