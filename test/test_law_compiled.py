@@ -24,7 +24,7 @@ ALL: dict[str, Any] = {
     'input_delay': 0.0237,
     'plant_poles': (-3.0, 0.0),
     'disturbance_frequencies': (30.0, 7.0),
-    'error_deadband': 0.3,
+    'error_deadband': 0.2,
     'command_rate_limit': 400.0,
 }
 CASES = varied_settings() | {
