@@ -33,7 +33,7 @@ PROMISES = (
     'more, however seldom samples come; also at a start, a retune, a switch of structure and at '
     'both ends of a fault. Two exceptions, both logged: a range that is narrowed is entered at '
     'once, and at a stop the ramp ends after 0.5 s with the safe command. Where another command '
-    'is reported to act, the change may count from that.',
+    'is reported to act, the change may count from that, and a fault goes to it in one tick.',
     'The observers are driven by the command that was applied: ten seconds in saturation leave no '
     'windup that grows, and a bounded overshoot.',
     'When no valid measurement comes for `measurement_timeout`, the fault action starts within '

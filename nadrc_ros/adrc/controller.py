@@ -129,8 +129,8 @@ class Controller:
             for the time between the ticks that took them.
         applied
             The command that really acted since the last tick [command unit], None when nobody said
-            so. It counts for ``applied_timeout`` from when it did, in this tick at least; then the
-            command returned last is taken for it.
+            so. It counts for ``applied_timeout`` from when it did, not at all if it comes later
+            than that, in this tick alone where that is 0; else the one returned last is taken.
         applied_age
             How long ago that was [s]: what acts by now is as much newer.
         followed
