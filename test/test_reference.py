@@ -16,6 +16,7 @@ from bench.reference import (
     Sender,
     sender,
     SENDERS,
+    setpoints,
     SWING,
     WAYS,
 )
@@ -130,6 +131,16 @@ def test_setpoints_further_apart_than_the_loop_settles_are_steps() -> None:
     for k in range(2000):
         follow(design, memory, float(k // 50), k % 50 == 0, H, 0.0)
         assert estimated(memory, 1) == estimated(memory, 2) == 0.0
+
+
+def test_setpoints_in_a_sequence_make_no_motion_by_default() -> None:
+    """The figures of docs/reference.md."""
+    default, auto = (setpoints(2, way) for way in ({}, WAYS['auto']))
+    assert default == setpoints(2, WAYS['none'])
+    for name in ('two halves, 20 ms apart', 'three thirds, 0.3 s apart', 'slider at 20 Hz, 0.4 s'):
+        assert default[f'{name}: largest y'] < 1.0 < 1.08 < auto[f'{name}: largest y']
+    drawn = 'drawn at 5 Hz: largest command'
+    assert default[drawn] < 15.0 and auto[drawn] > 100.0
 
 
 def test_derivatives_that_come_are_taken_and_those_that_cease_are_estimated() -> None:
