@@ -108,6 +108,22 @@ def test_behind_a_delay_a_law_that_knows_a_vibration_has_the_noise_of_its_own_co
         assert command_variance(loop) ** 0.5 * design.b0 == pytest.approx(noise, rel=1e-4)
 
 
+def test_noise_near_the_edge_of_stability_has_a_narrow_peak_that_is_not_missed() -> None:
+    design = wide_design(
+        plant_order=1,
+        structure='generalized',
+        inner_bandwidth=10.0**1.75,
+        controller_bandwidth=10.0**1.75 / 8.0,
+        input_delay=0.0625,
+    )
+    case = design, chain(1, design.b0), H, 0.006190386377497487
+    assert 0.99 < loop_growth(*case) < 1.0
+    of_command = output_covariance(pick(closed_loop(*case), [NOISE], [COMMAND]))
+    assert command_variance(delayed_loop(*case)) == pytest.approx(
+        float(of_command[0, 0]), rel=1e-6
+    )
+
+
 def recursion(system: StateSpace, inputs: list[int], count: int) -> Array:
     """Return the output after unit steps, period by period."""
     x, found = np.zeros((len(system.a), len(inputs))), []

@@ -47,7 +47,7 @@ _TURN, _LOOP_GAIN_THAT_MATTERS, _MOST_POINTS = 0.25, 0.3, 20_000
 _COUNTING_POINTS, _REFINEMENTS = 400, 30
 # Quadrature: points of a panel, panels of a decade; relative change with twice as many that is
 # good enough, and how often they may be doubled.
-_PANEL_POINTS, _PANELS, _QUADRATURE_ERROR, _DOUBLINGS = 8, 4, 1e-7, 6
+_PANEL_POINTS, _PANELS, _QUADRATURE_ERROR, _DOUBLINGS = 8, 4, 1e-7, 8
 # Samples of a response in time, what may be missing at the end, how often it may take twice as
 # long, and the exponent by which it is damped over twice its time.
 _MOST_SAMPLES, _SETTLED, _EXTENSIONS, _DAMPING = 8192, 1e-6, 20, 7.0
