@@ -104,7 +104,9 @@ def changes(case: str) -> list[tuple[str, ControllerSettings, ControllerSettings
             try:
                 found.append((f'{name}={value}', base, attrs.evolve(base, **{name: value})))
             except SettingError as error:
-                assert error.name == 'plant_poles' and base.measurement_period > 0.0
+                # Of an angle not everything can be.
+                assert error.name in ('plant_poles', 'error_deadband')
+                assert base.measurement_period > 0.0
     return found
 
 
