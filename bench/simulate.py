@@ -123,10 +123,11 @@ def ours_loop(experiment: Experiment) -> tuple[Run, Loop, Array]:
         raise RuntimeError('the loop does not compile: is numba installed?')
     loop, rows = Loop(experiment, SETTINGS), np.empty((experiment.steps, ROW_WIDTH))
     noise = NoiseSource(experiment.noise, experiment.period).block(0, experiment.steps)
+    no_feed_forward = np.zeros_like(noise)
 
     def run() -> Outcome:
         loop.__init__(experiment, SETTINGS)  # type: ignore[misc]
-        loop.noise = noise
+        loop.noise, loop.fed = noise, no_feed_forward
         start = thread_time_ns()
         kernel(loop, experiment.steps, rows)
         return Outcome(thread_time_ns() - start, rows[:, 3])
