@@ -51,7 +51,7 @@ test: build $(VENV)/dev ## run all tests but the two kinds below (ARGS='-k obser
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	[ "$$n" -le $(MIN_TESTS) ] || echo "make: there are $$n tests by now: let the Makefile say MIN_TESTS := $$n"
 	# on their own, as they use clocks; they wait most of the time
-	python -m pytest -n 5 --dist worksteal -m 'not realtime' test/ros examples
+	python -m pytest -n 4 --dist worksteal -m 'not realtime' test/ros examples
 
 test-paper: build $(VENV)/dev ## run the tests of the reproduction of the paper
 	@$(ACTIVATE)
