@@ -249,7 +249,7 @@ class Controller:
 
     @property
     def staged(self) -> ControllerSettings:
-        """The settings that take over with the next tick, those that run if there are none."""
+        """Return the settings of the next tick: those that were staged, else those that run."""
         return self._pending[0] if self._pending is not None else self.settings
 
     def join(self, inner: Controller) -> None:

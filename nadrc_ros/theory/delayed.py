@@ -85,7 +85,7 @@ class Loop(NamedTuple):
 
     @property
     def alone(self) -> StateSpace:
-        """The law with its own command, as if that were not late."""
+        """Return the law with its own command, as if that were not late."""
         return self.law._replace(a=self.law.a + self.law.b[:, :1] @ self.law.c)
 
     def told(self, s: Complex) -> Complex:
