@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.theory.delayed import Loop
 from nadrc_ros.theory.model import controller
-from nadrc_ros.theory.system import StateSpace, zero_order_hold
+from nadrc_ros.theory.system import split_delay, StateSpace, zero_order_hold
 import numpy as np
 
 
@@ -28,8 +28,8 @@ def cascade_loop(
     In the result the ``plant`` is plant and laws in a row and the ``law`` is 1, so that its
     margins are those of the command, with all loops closed.
     """
-    late = int(delay / h * (1.0 + 1e-12))
-    p = zero_order_hold(plant, h, max(delay - late * h, 0.0))
+    late, rest = split_delay(delay, h)
+    p = zero_order_hold(plant, h, rest)
     measured = np.cumsum([0, *(design.order for design in designs[:-1])])
     law = laws(designs, h)
     seen = np.eye(len(p.a))[measured]

@@ -30,6 +30,7 @@ from nadrc_ros.theory.system import (
     frequency_response,
     is_stable,
     pick,
+    split_delay,
     StateSpace,
     zero_order_hold,
 )
@@ -96,8 +97,8 @@ class Loop(NamedTuple):
 
 def delayed_loop(design: Design, plant: StateSpace, h: float, delay: float = 0.0) -> Loop:
     """Return the loop with the continuous ``plant`` at period ``h``, ``delay`` [s] before it."""
-    late = int(delay / h * (1.0 + 1e-12))
-    sampled = zero_order_hold(plant, h, max(delay - late * h, 0.0))
+    late, rest = split_delay(delay, h)
+    sampled = zero_order_hold(plant, h, rest)
     at_once = attrs.evolve(design, input_delay=0.0)
     law, own = open_controller(design, h), own_delay(design, h)
     return Loop(sampled, law, late, *own, closed_loop(at_once, sampled, h))

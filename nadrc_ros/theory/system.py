@@ -100,6 +100,12 @@ def frequency_response(system: StateSpace) -> Callable[[ArrayLike], Complex]:
     return at
 
 
+def split_delay(delay: float, h: float) -> tuple[int, float]:
+    """Return how many whole periods of ``h`` are in a delay, and what is left of it [s]."""
+    whole = int(delay / h * (1.0 + 1e-12))
+    return whole, max(delay - whole * h, 0.0)
+
+
 def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSpace:
     """
     Return the continuous ``system`` sampled every ``h`` seconds, its input held.
@@ -117,8 +123,7 @@ def zero_order_hold(system: StateSpace, h: float, delay: float = 0.0) -> StateSp
     if system.h > 0.0 or np.any(system.d) or delay < 0.0:
         raise ValueError('a continuous system without feedthrough, and a delay >= 0, is needed')
     n, m = system.b.shape
-    whole = int(delay / h * (1.0 + 1e-12))
-    late = max(delay - whole * h, 0.0)
+    whole, late = split_delay(delay, h)
     if late <= 1e-12 * h:
         late = 0.0
     after, new = held(system, h - late)
