@@ -206,14 +206,16 @@ def compiled_loop(
                     design, state, policy, sample, inner_reference, True, True, spare
                 )
             disturbances(disturbance, t, w)
+            reached = acting = later = u
             if late:
                 reached, acting, later = reach(sent, whole, rest, k, u, u)
-                truth = total_disturbance(derivative, plant, b0, t, x, acting, w[0], work[0])
-                if acting != reached:
-                    truth += b0 * (acting - reached)
-                truth += (b0 - spare.gain[0]) * reached
-                if design.known:
-                    truth += damping(design, x, below)
+            truth = total_disturbance(derivative, plant, b0, t, x, acting, w[0], work[0])
+            if acting != reached:
+                truth += b0 * (acting - reached)
+            truth += (b0 - spare.gain[0]) * reached
+            if design.known:
+                truth += damping(design, x, below)
+            if late:
                 since, span, source = t, h, x
                 if rest > 0.0:
                     parts = t, x, acting, rest, substeps, work, w, x_middle
@@ -224,10 +226,6 @@ def compiled_loop(
                 parts = since, source, later, span, substeps, work, w, x_next
                 advance(derivative, plant, disturbances, disturbance, *parts)
             else:
-                truth = total_disturbance(derivative, plant, b0, t, x, u, w[0], work[0])
-                truth += (b0 - spare.gain[0]) * u
-                if design.known:
-                    truth += damping(design, x, below)
                 parts = t, x, u, h, substeps, work, w, x_next
                 integrate(derivative, plant, disturbances, disturbance, *parts)
             if not lost:  # a plant that was lost before stays so
