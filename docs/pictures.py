@@ -13,7 +13,8 @@ import sys
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from nadrc_ros.report.picture import COLOURS, INK, STYLE, turning
+from nadrc_ros.report.picture import STYLE, turning
+from nadrc_ros.report.roles import COLOURS, INK
 from nadrc_ros.scenario.files import load
 from nadrc_ros.simulation.simulate import Result
 import numpy as np

@@ -9,7 +9,8 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from nadrc_ros.report.picture import COLOURS, GREY, INK, STYLE
+from nadrc_ros.report.picture import STYLE
+from nadrc_ros.report.roles import COLOURS, GREY, INK
 import numpy as np
 
 Draw = Callable[[dict[str, Any]], dict[str, Figure]]
@@ -18,7 +19,7 @@ WIDTH = 8.0  # inches
 POINTS = 800
 DIGITS = 5
 # One role, one colour, through all pictures.
-CONVENTIONAL, NESTED, PRINTED, LITERAL = COLOURS[0], COLOURS[1], COLOURS[2], COLOURS[5]
+NESTED, CONVENTIONAL, GREEN, PRINTED, LITERAL, SKY = COLOURS
 LOOK = {
     **STYLE,
     'font.family': 'DejaVu Sans',
@@ -31,11 +32,13 @@ LOOK = {
 
 __all__ = [
     'CONVENTIONAL',
+    'GREEN',
     'GREY',
     'INK',
     'LITERAL',
     'NESTED',
     'PRINTED',
+    'SKY',
     'common_legend',
     'in_style',
     'panels',

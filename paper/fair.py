@@ -23,12 +23,14 @@ from nadrc_ros.simulation.experiment import Experiment
 from paper.drawing import (
     common_legend,
     CONVENTIONAL,
+    GREEN,
     in_style,
     INK,
     LITERAL,
     NESTED,
     panels,
     PRINTED,
+    SKY,
 )
 from paper.runs import metrics_of, statistics, without_noise
 from paper.section import Finding, Findings, Result, Section, Tell
@@ -52,7 +54,6 @@ CLEAN = (2.0, 12.0)
 # Two noisy ITAE that differ by less are called the same.
 SAME = 0.05
 MERITS = {'noisy': 'noisy_itae', 'clean': 'clean_itae'}
-GREEN, BLUE = '#004D40', '#56B4E9'
 LABELS = {
     'conventional': 'C-ADRC',
     'generalized': 'generalized, 2 extended states',
@@ -73,7 +74,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     'printed': {'color': PRINTED, 'marker': 'o'},
     'cascade_2': {'color': GREEN, 'marker': 'v', 'linestyle': '-.'},
     'nonlinear_1': {'color': LITERAL, 'marker': 'x', 'linestyle': '--'},
-    'nonlinear_2': {'color': BLUE, 'marker': 'x', 'linestyle': '--'},
+    'nonlinear_2': {'color': SKY, 'marker': 'x', 'linestyle': '--'},
 }
 
 

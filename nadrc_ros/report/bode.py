@@ -10,7 +10,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from nadrc_ros.records.recorded_run import Array
-from nadrc_ros.report.picture import COLOURS, GREY, INK, STYLE
+from nadrc_ros.report.picture import STYLE
+from nadrc_ros.report.roles import GREY, INK, looks
 import numpy as np
 import numpy.typing as npt
 
@@ -47,8 +48,10 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
     with rc_context(STYLE):
         figure = Figure(figsize=_SIZE)
         ((rejection, noise), (gain, phase)) = figure.subplots(2, 2, sharex=True)
+        styles = looks(loops)
         for i, (name, loop) in reversed(list(enumerate(loops.items()))):
-            look: dict[str, Any] = {'color': COLOURS[(1, 0, 2, 3)[i % 4]], 'zorder': 3 - i}
+            look: dict[str, Any] = {'color': styles[name].colour, 'linestyle': styles[name].dash}
+            look |= {'zorder': 3 - i}
             look |= {'linewidth': 2.0 if i == 0 else 1.2, 'label': name}
             rejection.loglog(loop.omega, loop.disturbance_to_output, **look)
             noise.loglog(loop.omega, loop.noise_to_command, **look)

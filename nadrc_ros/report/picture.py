@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
-from itertools import cycle
 from math import ceil
 from typing import Any
 
@@ -15,18 +14,14 @@ from nadrc_ros.records.angles import unwrapped
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.curves import frame
 from nadrc_ros.report.marks import Mark
+from nadrc_ros.report.roles import GREY, GRID, INK, looks
 from nadrc_ros.simulation.simulate import Result
 import numpy as np
 
 # One controller's run, simulated or recorded.
 Drawn = Result | RecordedRun
-# Okabe and Ito's colours, safe for the colour-blind, in an order in which neighbours also differ
-# in lightness, so that a greyscale print stays readable.
-COLOURS = ('#E69F00', '#0072B2', '#CC79A7', '#004D40', '#56B4E9', '#D55E00')
-_DASHES = ('-', '-', '--', '--', '-.', '-.')
 _THICKEST, _THINNEST = 1.8, 0.9
 _LEGEND_COLUMNS = 6
-INK, GREY = '#1a1a1a', '#8a8a8a'
 _WIDTH = 10.0  # inches
 _ROW, _HEAD, _LEGEND_LINE, _FOOT = 1.75, 0.75, 0.2, 0.55
 STYLE = {
@@ -38,7 +33,7 @@ STYLE = {
     'axes.titlelocation': 'left',
     'axes.titlesize': 9.5,
     'font.size': 9,
-    'grid.color': '#e4e4e4',
+    'grid.color': GRID,
     'grid.linewidth': 0.6,
     'lines.linewidth': 1.2,
     'text.parse_math': False,  # a name may have dollars
@@ -63,13 +58,13 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
         height = head + rows * _ROW + _FOOT
         figure = Figure(figsize=(_WIDTH, height))
         axes = list(figure.subplots(rows, 1, sharex=True))
-        colours = dict(zip(traces, cycle(COLOURS)))
-        dashes = dict(zip(traces, cycle(_DASHES)))
+        styles = looks(traces)
         busiest_first = sorted(traces, key=lambda name: -_variation(traces[name]))
         for name, width in zip(busiest_first, np.linspace(_THICKEST, _THINNEST, len(traces))):
             # The busiest lines lie lowest and are the thickest, or they would hide the others.
             trace = traces[name]
-            look = {'color': colours[name], 'linestyle': dashes[name], 'linewidth': width}
+            look = {'color': styles[name].colour, 'linestyle': styles[name].dash}
+            look |= {'linewidth': width}
             axes[0].plot(trace.time, lines[name]['output'], **look)
             axes[1].plot(trace.time, errors[name], **look)
             axes[2].step(trace.time, trace.command, where='post', **look)
@@ -85,7 +80,7 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
         truths = [(t.time, t.total_disturbance) for t in traces.values()]
         estimates = [(t.time, t.disturbance_estimate) for t in traces.values()]
         for axis, (name, trace) in zip(axes[3:], traces.items()):
-            axis.plot(trace.time, trace.disturbance_estimate, color=colours[name])
+            axis.plot(trace.time, trace.disturbance_estimate, color=styles[name].colour)
             axis.plot(trace.time, trace.total_disturbance, color=INK, linewidth=0.9)
             axis.set_title(f'total disturbance and its estimate: {name}')
             _frame(axis, truths + estimates)
@@ -103,8 +98,8 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
         handles = [Line2D([], [], color=INK, linestyle=(0, (4, 3)), linewidth=1.0)]
         handles += [Line2D([], [], color=INK, linewidth=0.9)]
         handles += [
-            Line2D([], [], color=colours[name], linestyle=dashes[name], linewidth=2.0)
-            for name in traces
+            Line2D([], [], color=look.colour, linestyle=look.dash, linewidth=2.0)
+            for look in styles.values()
         ]
         figure.legend(
             handles,

@@ -12,7 +12,7 @@ import attrs
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.curves import bandwidths, bins, command_spectrum, frame, kept
 from nadrc_ros.report.marks import NumberedChanges
-from nadrc_ros.report.picture import COLOURS, GREY, INK
+from nadrc_ros.report.roles import COLOURS, GREY, INK
 import numpy as np
 from plotly import graph_objects as go
 

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.report.picture import COLOURS, INK, STYLE
+from nadrc_ros.report.picture import STYLE
+from nadrc_ros.report.roles import COLOURS, INK
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.scenario.parameter_files import node_parameters, parameter_text
 from nadrc_ros.simulation.batch import run_metrics
