@@ -68,7 +68,7 @@ def wire(
     Example: nadrc wire --check arm.yaml
     """
     with reporting():
-        from nadrc_ros.ros.arguments import in_force, parameters_in
+        from nadrc_ros.parameter_file import in_force, parameters_in
 
         in_the_file = in_force(parameters_in(str(check)))
     with reporting(str(check)):

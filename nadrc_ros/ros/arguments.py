@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 import re
 from typing import Any, NoReturn
 
 from nadrc_ros.adrc.errors import near_to, SettingError, UserError
+from nadrc_ros.parameter_file import flat, means, parameters_in, VALUES
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -29,7 +29,6 @@ _ALIKE = 0.75
 _FLAGS = ('use_sim_time', 'start_type_description_service')
 # The nodes of this package, which may share a file.
 _OURS = {'controller', 'plant', 'reference', 'recorder'}
-_VALUES = 'ros__parameters'
 # As the last part of a key these name no node.
 _WILDCARDS = {'*', '**'}
 # What one argument says of one node: `node:parameter:=value`, `node:topic:=topic`.
@@ -152,7 +151,7 @@ def overrides(parameters: Mapping[str, Any]) -> list[Parameter]:
     A value that no parameter can have is refused by a :class:`SettingError`.
     """
     made = []
-    for name, value in _flat(parameters):
+    for name, value in flat(parameters):
         try:
             parameter = Parameter(name, value=value)
         except TypeError:
@@ -163,14 +162,6 @@ def overrides(parameters: Mapping[str, Any]) -> list[Parameter]:
             raise SettingError(name, value, 'true or false')
         made.append(parameter)
     return made
-
-
-def _flat(parameters: Mapping[str, Any], above: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-    for name, value in parameters.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, (*above, str(name)))
-        else:
-            yield '.'.join((*above, str(name))), value
 
 
 def refuse_malformed(arguments: Sequence[str]) -> None:
@@ -221,7 +212,7 @@ def refuse_unheard(
     found: list[str] = []
     for file in _files(arguments):
         keys = list(parameters_in(file))
-        meaning_us = [key for key in keys if any(_means(key, each) for each in here)]
+        meaning_us = [key for key in keys if any(means(key, each) for each in here)]
         found += keys
         if any(_last(key) not in _WILDCARDS for key in meaning_us):
             continue
@@ -232,7 +223,7 @@ def refuse_unheard(
             node.get_logger().info(f'{file} has no parameters of {full}: it runs without them')
     own = [key for key in found if _last(key) == name]
     for each in here if own else []:
-        if not any(_means(key, each) for key in found):
+        if not any(means(key, each) for key in found):
             raise _unheard(', '.join(_files(arguments)), own, each)
 
 
@@ -243,86 +234,8 @@ def _files(arguments: Sequence[str]) -> list[str]:
 def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
     return UserError(
         f'{files}: parameters of {", ".join(keys) or "no node"} and none of {full}; for any '
-        f'namespace name them /**/{_last(full)} (with {_VALUES}: {{}} if there are none)'
+        f'namespace name them /**/{_last(full)} (with {VALUES}: {{}} if there are none)'
     )
-
-
-def parameters_in(file: str) -> dict[str, dict[str, Any]]:
-    """
-    Return the parameters of each node or pattern in a file, by their dotted names.
-
-    Raises
-    ------
-    UserError
-        What is wrong with the file.
-
-    """
-    from nadrc_ros.yaml_text import alias_line, read_yaml
-
-    try:
-        text = Path(file).read_text(encoding='utf-8')
-        tree = read_yaml(text)
-        if tree is None or tree == {}:
-            raise UserError('there are no parameters in it, it is empty')
-        nodes = {key: dict(_flat(values)) for key, values in _nodes(tree)}
-        if (line := alias_line(text)) is not None:
-            raise UserError(f'line {line}: ROS knows no aliases (*name): write out what is meant')
-        return nodes
-    except OSError as error:
-        raise UserError(f'{file}: cannot be read: {error.strerror}') from None
-    except UnicodeDecodeError as error:
-        raise UserError(f'{file}: not UTF-8 text (byte {error.start})') from None
-    except UserError as error:
-        raise UserError(f'{file}: {error}') from None
-
-
-def in_force(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return what holds for each node that is named, and for patterns that mean none of these."""
-    patterns = [key for key in parameters if '*' in key]
-    named = [key for key in parameters if key not in patterns]
-    found: dict[str, dict[str, Any]] = {key: {} for key in named}
-    for pattern in patterns:
-        meant = [key for key in named if _means(pattern, key)]
-        for key in meant or [pattern]:
-            found.setdefault(key, {}).update(parameters[pattern])
-    for key in named:
-        found[key].update(parameters[key])
-    return found
-
-
-def _nodes(tree: Any, namespace: str = '') -> Iterator[tuple[str, Mapping[Any, Any]]]:
-    if not isinstance(tree, dict):
-        where = namespace or 'the file'
-        raise UserError(f'{where} has a value that is not below the key {_VALUES} of a node')
-    for key, value in tree.items():
-        if key != _VALUES:
-            yield from _nodes(value, f'{namespace}/{str(key).strip("/")}')
-        elif isinstance(value, dict):
-            _refuse_odd_lists(value)
-            yield namespace, value
-        else:
-            raise UserError(f'{_VALUES} of {namespace} must be a mapping of names to values')
-
-
-def _refuse_odd_lists(values: Mapping[Any, Any], above: str = '') -> None:
-    for key, value in values.items():
-        name = f'{above}{key}'
-        if isinstance(value, dict):
-            _refuse_odd_lists(value, f'{name}.')
-        if not isinstance(value, list):
-            continue
-        kinds = {type(item) for item in value}
-        if kinds == {int, float}:
-            raise UserError(f'{name} = {value}: write all numbers with a decimal point')
-        if len(kinds) > 1 or kinds & {list, dict, type(None)}:
-            raise UserError(f'{name} = {value}: a list must have numbers, strings or flags only')
-
-
-def _means(key: str, full: str) -> bool:
-    """Tell whether a node is meant: * stands for one part of a name, ** for any number."""
-    parts = {'*': r'/\w+', '**': r'(/\w+)*'}
-    pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in key.split('/')[1:])
-    return re.fullmatch(pattern, full) is not None
 
 
 def _last(name: str) -> str:

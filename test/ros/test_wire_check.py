@@ -10,7 +10,7 @@ import sys
 import threading
 from typing import Any
 
-from nadrc_ros.ros.arguments import in_force
+from nadrc_ros.parameter_file import in_force
 from nadrc_ros.ros.wire_check import check_wiring, fields_now
 from probe import parameter_file, Probe
 import pytest
