@@ -46,7 +46,13 @@ def test_what_the_user_can_mend_is_one_line(
         (('design', '--settling-time', '1', '--out', 'file'), 'is a file, not a folder'),
         (('tune', 'demo', '--out', 'file/sub'), 'is a file, not a folder'),
         (('identify', 'log', '--json', 'none/f.json'), 'none: there is no such folder'),
-        (('identify', 'log', '--scenario', '.'), 'is a folder, not a file'),
+        (('identify', 'log', '--json', '.'), 'is a folder, not a file'),
+        (('identify', 'log', '--out', 'file'), 'is a file, not a folder'),
+        (('simulate', 'demo', '--plot', 'none/f.png'), 'none: there is no such folder'),
+        (('demo', '--out', 'file'), 'is a file, not a folder'),
+        (('report', 'log', '--page', '.'), 'is a folder, not a file'),
+        (('report', 'log', '--plot', 'none/f.svg'), 'none: there is no such folder'),
+        (('sweep', 'file', '--table', 'none/f.csv'), 'none: there is no such folder'),
     ],
 )
 def test_where_nothing_can_be_written_is_said_before_the_work(

@@ -36,8 +36,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
     run: Path, tmp_path: Path
 ) -> None:
-    files = [tmp_path / name for name in ('p.yaml', 's.yaml', 'f.json')]
-    options = ('--out', files[0], '--scenario', files[1], '--json', files[2])
+    out = tmp_path / 'new' / 'mine'
+    files = [out / name for name in ('identify.yaml', 'scenario.yaml', 'identify.json')]
+    options = ('--out', out, '--json', tmp_path / 'f.json')
     done = nadrc('identify', run, '--order', 1, '--b0', 12, *options)
     assert done.exit_code == 0, done.output
     assert 'b0 = 12 is 2.39 times too large: worth a change.' in done.output
@@ -49,6 +50,7 @@ def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
         assert said in done.output
     assert f'Then: nadrc tune {files[1]} --budget ' in done.output
     assert 'without command_min, command_max and safe_command' in done.output
+    assert files[2].read_text() == (tmp_path / 'f.json').read_text()
     figures = json.loads(files[2].read_text())
     assert figures['b0']['low'] < 5.0 < figures['b0']['high']
     ((node, content),) = yaml.safe_load(files[0].read_text()).items()
@@ -74,18 +76,18 @@ def test_the_log_knows_its_controller_and_the_line_that_is_printed_makes_the_sta
         plant_order=1, b0=12.0, structure='conventional', command_min=-9.0, command_max=9.0
     )
     append_parameters(folder, None, '/it/controller', controller_parameters(running, 100.0))
-    out, figures = tmp_path / 'p.yaml', tmp_path / 'f.json'
+    out, figures = tmp_path / 'found', tmp_path / 'f.json'
     done = nadrc('identify', folder, '--order', 1, '--out', out, '--json', figures)
     assert done.exit_code == 0, done.output
     assert 'b0 = 12 is 2.39 times too large' in done.output
-    ((_, content),) = yaml.safe_load(out.read_text()).items()
+    ((_, content),) = yaml.safe_load((out / 'identify.yaml').read_text()).items()
     start = content['ros__parameters']
     assert (start['command_min'], start['command_max']) == (-9.0, 9.0)
     line = json.loads(figures.read_text())['design'].split()
-    assert f'Next: {" ".join(line)} --out mine' in done.output
-    done = nadrc(*line[1:], '--out', tmp_path / 'mine')
+    assert f'Next: {" ".join(line)} --out {out / "design"}' in done.output
+    done = nadrc(*line[1:], '--out', out / 'design')
     assert done.exit_code == 0, done.output
-    ((_, content),) = yaml.safe_load((tmp_path / 'mine' / 'design.yaml').read_text()).items()
+    ((_, content),) = yaml.safe_load((out / 'design' / 'design.yaml').read_text()).items()
     design = content['ros__parameters']
     for name in ('structure', 'b0', 'inner_bandwidth', 'controller_bandwidth', 'command_max'):
         assert design[name] == start[name], name
@@ -176,8 +178,8 @@ def test_a_csv_file_gives_the_plant_of_the_run_and_says_how_it_was_read(
     assert 'PWM (guessed by its name)' in output
     guess = 'the limits of the command, '
     assert guess in output and 'are guessed: the log does not tell them' in output
-    scenario = tmp_path / 'found.yaml'
-    b0_of(tmp_path, path, *options, '--scenario', scenario)
+    b0_of(tmp_path, path, *options, '--out', tmp_path / 'found')
+    scenario = tmp_path / 'found' / 'scenario.yaml'
     assert scenario.read_text().startswith(f'# {guess}') and load(scenario)
     assert b0_of(tmp_path, run / 'samples.csv')[0] == pytest.approx(value, rel=1e-4)
     wrong = nadrc('identify', path, *options[:-1], 'drehzal')
@@ -194,12 +196,12 @@ def test_a_part_of_a_log_is_used_if_asked_for(run: Path, tmp_path: Path) -> None
 def test_of_a_dense_log_not_every_row_is_used_and_that_is_said(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    value, output = b0_of(tmp_path, run, '--every', 2, '--out', tmp_path / 'p.yaml')
+    value, output = b0_of(tmp_path, run, '--every', 2, '--out', tmp_path)
     assert 'every 2 rows count as one, 50 Hz\n' in output and '1000 samples' in output
     assert value == pytest.approx(5.0, rel=0.05)
     figures = json.loads((tmp_path / 'f.json').read_text())
     assert (figures['rows_per_sample'], figures['period']) == (2, 0.01)
-    assert 'rate: 100.0' in (tmp_path / 'p.yaml').read_text()  # that of the loop
+    assert 'rate: 100.0' in (tmp_path / 'identify.yaml').read_text()  # that of the loop
     assert figures['inner_bandwidth'] <= 30.0
     monkeypatch.setattr(command, '_MOST_ROWS', 1500)
     monkeypatch.setattr(shaping, '_BEND', 1.0)  # as if it were sampled ten times as densely
@@ -219,7 +221,7 @@ def test_a_heading_that_wraps_is_named_with_the_remedy(run: Path, tmp_path: Path
 
 
 def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path: Path) -> None:
-    out = tmp_path / 'p.yaml'
+    out = tmp_path / 'out'
     for path in (tmp_path / 'nothing', tmp_path, run / 'run.json'):
         done = nadrc('identify', path, '--out', out)
         assert done.exit_code == 1 and str(path) in done.output
@@ -228,7 +230,7 @@ def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path:
         assert 'nadrc: b0 = ' in nadrc('identify', run, '--b0', b0).output
     assert nadrc('identify', run, '--order', 7).exit_code == 2
     assert nadrc('identify', run, '--namespace', 'x').exit_code == 1
-    done = nadrc('identify', run, '--order', 1, '--out', tmp_path / 'no' / 'p.yaml')
+    done = nadrc('identify', run, '--order', 1, '--json', tmp_path / 'no' / 'f.json')
     assert done.exit_code == 1 and 'no such folder' in done.output
 
 

@@ -64,7 +64,7 @@ def nadrc(*arguments: object) -> Any:
 def report(*runs: Path, **options: Any) -> Page:
     out = runs[0].parent / 'page.html'
     named = [text for key, value in options.items() for text in (f'--{key}', value)]
-    done = nadrc('report', *runs, '--out', out, *named)
+    done = nadrc('report', *runs, '--page', out, *named)
     assert done.exit_code == 0, done.output
     return Page(out.read_text(encoding='utf-8'))
 
@@ -205,7 +205,7 @@ def test_poor_runs_have_a_page_and_a_picture(options: dict[str, Any], tmp_path: 
     run = record(tmp_path, **options)
     page = report(run)
     assert 'nan' not in page.text and 'inf' not in page.text
-    assert nadrc('report', run, '--static', tmp_path / 'a.png').exit_code == 0
+    assert nadrc('report', run, '--plot', tmp_path / 'a.png').exit_code == 0
 
 
 def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
@@ -253,11 +253,11 @@ def test_a_csv_file_is_reported_in_part_and_how_it_was_read_is_said(tmp_path: Pa
     assert 'Nothing was lost' not in page.text and 'lockstep' not in page.text
     names = [line['name'] for line in page.plots[0]['data']]
     assert 'my log.csv, measurement' in names and 'measurement' not in names
-    done = nadrc('report', log, '--measurement', 'drehzahl', '--out', tmp_path / 'p.html')
+    done = nadrc('report', log, '--measurement', 'drehzahl', '--page', tmp_path / 'p.html')
     assert 'measurement Drehzahl, command pwm (guessed by its name), no reference' in done.output
 
 
-def test_without_out_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> None:
+def test_by_default_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> None:
     first, second = record(tmp_path), record(tmp_path)
     assert str(first / 'report.html') in nadrc('report', first).output
     assert nadrc('report', first, second).exit_code == 0
@@ -267,7 +267,7 @@ def test_without_out_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize('suffix', ['png', 'svg'])
-def test_a_static_picture_needs_no_plotly(
+def test_a_picture_needs_no_plotly(
     suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = record(tmp_path)
@@ -278,12 +278,12 @@ def test_a_static_picture_needs_no_plotly(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, 'plotly', None)
     picture = tmp_path / f'a.{suffix}'
-    assert nadrc('report', run, '--static', picture).exit_code == 0
+    assert nadrc('report', run, '--plot', picture).exit_code == 0
     assert picture.read_bytes()[:4] in (b'\x89PNG', b'<?xm')
     done = nadrc('report', run)
     assert done.exit_code == 1
     assert 'pip install plotly' in done.output
-    assert nadrc('report', run, '--static', 'a.gif').exit_code == 2
+    assert nadrc('report', run, '--plot', 'a.gif').exit_code == 2
 
 
 def test_what_is_no_run_is_named(tmp_path: Path) -> None:

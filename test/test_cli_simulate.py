@@ -184,7 +184,7 @@ def test_where_nothing_can_be_written_is_told(
     for option, file, said in (
         ('--json', folder / 'nowhere' / 'out.png', f'{folder}/nowhere: there is no such folder'),
         ('--plot', folder / 'nowhere' / 'out.png', f'{folder}/nowhere: there is no such folder'),
-        ('--json', folder, f'{folder}: Is a directory'),
+        ('--json', folder, f'{folder}: is a folder, not a file'),
     ):
         with pytest.raises(SystemExit) as ended:
             app(['simulate', str(scenario), option, str(file)])

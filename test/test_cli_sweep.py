@@ -136,7 +136,7 @@ def test_the_command_gives_the_same_table_in_both_formats(
     file: Path, tmp_path: Path, whole: bytes
 ) -> None:
     for name in ('out.csv', 'out.parquet'):
-        done = nadrc(file, '--out', tmp_path / name, '--jobs', 2)
+        done = nadrc(file, '--table', tmp_path / name, '--jobs', 2)
         assert done.exit_code == 0, done.output
         assert f'{RUNS} runs in {tmp_path / name}' in done.output
     assert (tmp_path / 'out.csv').read_bytes() == whole
@@ -156,7 +156,7 @@ def test_a_second_start_does_nothing(name: str, file: Path, tmp_path: Path) -> N
     sweep, path = load_sweep(file), tmp_path / name
     fill(path, sweep, sweep.check())
     before = path.read_bytes(), path.stat().st_mtime_ns
-    done = nadrc(file, '--out', path, '--dask', 'tcp://127.0.0.1:1')  # no worker is asked for
+    done = nadrc(file, '--table', path, '--dask', 'tcp://127.0.0.1:1')  # no worker is asked for
     assert done.exit_code == 0, done.output
     assert (path.read_bytes(), path.stat().st_mtime_ns) == before
 
@@ -203,7 +203,7 @@ def test_what_is_done_is_kept_and_not_done_again(
 ) -> None:
     file.write_text(SWEEP.replace('DURATION', '10.0').replace('25', '16'))
     path = tmp_path / 'out.csv'
-    process = start(file, '--out', path, '--jobs', 2)
+    process = start(file, '--table', path, '--jobs', 2)
     wait_for_rows(path, 3, process)
     if kill == signal.SIGINT:
         os.killpg(process.pid, kill)  # as a terminal does
@@ -221,7 +221,7 @@ def test_what_is_done_is_kept_and_not_done_again(
     while processes_in(tmp_path):
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    done = nadrc(file, '--out', path)
+    done = nadrc(file, '--table', path)
     assert done.exit_code == 0, done.output
     assert path.read_bytes().startswith(kept)
     assert [row['seed'] for row in rows(path)] == [str(seed) for seed in range(16)] * 8
@@ -230,7 +230,7 @@ def test_what_is_done_is_kept_and_not_done_again(
 def test_a_worker_that_is_killed_ends_it_with_what_is_done(file: Path, tmp_path: Path) -> None:
     file.write_text(SWEEP.replace('DURATION', '10.0').replace('25', '16'))
     path = tmp_path / 'out.csv'
-    process = start(file, '--out', path, '--jobs', 1)
+    process = start(file, '--table', path, '--jobs', 1)
     wait_for_rows(path, 3, process)
     for child in processes_in(tmp_path):
         if b'spawn_main' in (Path('/proc') / child / 'cmdline').read_bytes():
@@ -246,7 +246,7 @@ def test_another_sweep_does_not_mix_with_it(name: str, file: Path, tmp_path: Pat
     fill(path, sweep, sweep.check(), 5)
     before = {each: each.read_bytes() for each in tmp_path.iterdir() if each != file}
     file.write_text(file.read_text().replace('seeds: 25', 'seeds: 26'))
-    done = nadrc(file, '--out', path)
+    done = nadrc(file, '--table', path)
     assert done.exit_code == 1
     assert 'is the table of another sweep' in done.output and str(path) in done.output
     assert before == {each: each.read_bytes() for each in tmp_path.iterdir() if each != file}
@@ -255,7 +255,7 @@ def test_another_sweep_does_not_mix_with_it(name: str, file: Path, tmp_path: Pat
 def test_a_file_that_is_no_table_of_ours_is_left_alone(file: Path, tmp_path: Path) -> None:
     path = tmp_path / 'out.csv'
     path.write_text('mine\n')
-    done = nadrc(file, '--out', path)
+    done = nadrc(file, '--table', path)
     assert done.exit_code == 1 and 'no out.csv.yaml says' in done.output
     assert path.read_text() == 'mine\n'
 
@@ -269,14 +269,14 @@ def test_rows_that_are_not_those_of_the_sweep_are_refused(
     path = tmp_path / 'whole.csv'
     text = path.read_text()
     path.write_text(text.replace(*edit, 1) if edit[0] else text + text.splitlines()[-1] + '\n')
-    done = nadrc(file, '--out', path)
+    done = nadrc(file, '--table', path)
     assert done.exit_code == 1 and f'line {line} is not that of this sweep' in done.output
 
 
 def test_two_sweeps_do_not_write_one_table(file: Path, tmp_path: Path) -> None:
     sweep, path = load_sweep(file), tmp_path / 'out.csv'
     table = RunTable(path, sweep, sweep.check())
-    done = nadrc(file, '--out', path)
+    done = nadrc(file, '--table', path)
     assert done.exit_code == 1 and 'another sweep is writing it' in done.output
     table.close()
     with path.open('rb') as free:
@@ -286,10 +286,10 @@ def test_two_sweeps_do_not_write_one_table(file: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'code', 'said'),
     [
-        (('--out', 'x.txt'), 2, 'must end in .csv or .parquet'),
+        (('--table', 'x.txt'), 2, 'must end in .csv or .parquet'),
         (('--jobs', '0'), 2, 'jobs'),
         (('--dask', 'nonsense://x'), 1, '--dask nonsense://x: no scheduler answers'),
-        (('--out', 'nowhere/x.csv'), 1, 'no such folder'),
+        (('--table', 'nowhere/x.csv'), 1, 'no such folder'),
     ],
 )
 def test_what_is_wrong_with_the_command_is_said_in_one_line(
@@ -308,7 +308,7 @@ def test_what_is_wrong_with_the_command_is_said_in_one_line(
 
 def test_a_bad_value_is_named_with_the_file(file: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('0.25', '1e99'))
-    done = nadrc(file, '--out', tmp_path / 'out.csv')
+    done = nadrc(file, '--table', tmp_path / 'out.csv')
     assert done.exit_code == 1
     assert done.output.startswith(f'nadrc: {file}: plant.a3 = 1e+99: must be')
     assert len(done.output.splitlines()) == 1

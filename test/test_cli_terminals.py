@@ -51,7 +51,7 @@ def test_an_output_of_ascii_shows_what_stands_for_the_rest(tmp_path: Path) -> No
     assert nadrc('design', '--help', PYTHONIOENCODING='latin-1').returncode == 0
 
 
-REPORT = ('report', 'log.csv', '--static', 'log.png')
+REPORT = ('report', 'log.csv', '--plot', 'log.png')
 
 
 @pytest.mark.parametrize('arguments', [SIMULATE, REPORT, ('--help',)], ids=lambda each: each[0])
@@ -125,7 +125,7 @@ def test_an_output_that_cannot_be_is_named_by_what_was_asked_for(where: str) -> 
         (*SIMULATE, '--plot', f'{where}.png'),
         (*DESIGN, '--out', where),
         ('tune', 'demo', '--trials', '1', '--out', where),
-        ('sweep', str(SWEEP), '--out', f'{where}.csv'),
+        ('sweep', str(SWEEP), '--table', f'{where}.csv'),
     ):
         done = CliRunner().invoke(app, arguments)
         last = done.output.splitlines()[-1]

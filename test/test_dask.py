@@ -94,7 +94,7 @@ def test_a_worker_that_is_killed_in_the_middle_loses_nothing(
     address, scheduler, workers = cluster
     file, out = tmp_path / 'sweep.yaml', tmp_path / 'out.csv'
     file.write_text(SWEEP)
-    arguments = ('sweep', file, '--out', out, '--dask', address)
+    arguments = ('sweep', file, '--table', out, '--dask', address)
     with Process(tmp_path / 'nadrc', 'nadrc_ros.cli', *arguments) as nadrc:
         nadrc.wait_for('\n', out, 1 + RUNS // 12)
         workers[0].popen.send_signal(signal.SIGKILL)

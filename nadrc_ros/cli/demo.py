@@ -21,6 +21,7 @@ _FROM_THE_RECORDER = ('itae', 'isu', 'peak_error', 'max_command', 'total_variati
 def demo(
     file: options.ScenarioFile = 'demo',
     duration: options.Duration = None,
+    seed: options.Seed = None,
     rate: options.Rate = None,
     noise_variance: options.NoiseVariance = None,
     lockstep: Annotated[
@@ -41,6 +42,7 @@ def demo(
 
     Example: nadrc demo --duration 5, or nadrc demo paper --lockstep.
     """
+    options.check_outputs(out=out)
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
 
@@ -57,7 +59,7 @@ def demo(
                 f'ROS 2 is not here ({error}): source it, or use `make demo`'
             ) from None
         scenario = options.changed(
-            whole, duration=duration, rate=rate, noise_variance=noise_variance
+            whole, duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
         )
         domain = private_domain(keep=True)
         typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')

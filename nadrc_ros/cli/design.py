@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.options import fields, takes
+from nadrc_ros.cli.options import check_outputs, fields, takes
 from nadrc_ros.tuning.design.requirements import Requirements
 import typer
 
@@ -33,13 +33,11 @@ def design(
 
     Example: nadrc design --order 2 --settling-time 0.5 --rate 500 --noise-std 0.001 --out mine
     """
+    check_outputs(out=out)
     with reporting():
         from nadrc_ros.adrc.fields import build
-        from nadrc_ros.atomic import check_folder
         from nadrc_ros.tuning.design.first_design import first_design
 
-        if out is not None:
-            check_folder(out)
         found = first_design(build(Requirements, values))
         expected = found.expected()
         _print(found, expected)

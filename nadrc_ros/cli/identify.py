@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # new one.
 _TOLERABLE = 2.0
 _ONLY_THE_CONTROLLER_KNOWS = ('command_min', 'command_max', 'safe_command')
+_PARAMETERS, _SCENARIO, _REFERENCE = 'identify.yaml', 'scenario.yaml', 'reference.csv'
 # Effort that a tuning may spend beside that of the start: the noise of other seeds.
 _MORE_EFFORT = 1.02
 # Of a longer log not every row is used if its motion allows it: the fit takes a minute for these.
@@ -41,12 +42,10 @@ def identify(
         Optional[float], typer.Option(help='The b0 in use, to say how far it is off.')
     ] = None,
     out: Annotated[
-        Optional[Path], typer.Option(help='Write suggested ROS parameters of a controller there.')
+        Optional[Path],
+        typer.Option(help='Folder for identify.yaml, scenario.yaml and identify.json.'),
     ] = None,
-    scenario: Annotated[
-        Optional[Path], typer.Option(help='Write a scenario with the identified plant there.')
-    ] = None,
-    json: Annotated[Optional[Path], typer.Option(help='Write all figures there.')] = None,
+    json: options.JsonFile = None,
     *,
     where: options.Log,
     wrap: Annotated[
@@ -64,18 +63,17 @@ def identify(
     """
     Find order, input gain b0 and noise of a plant in the log of its closed loop.
 
-    Says how sure b0 is, and what observer bandwidth noise, rate and delay allow.
+    Says how sure b0 is, and what observer bandwidth noise, rate and delay allow. identify.yaml
+    holds ROS parameters of a controller node to start with, scenario.yaml the log's experiment on
+    the identified plant, for `nadrc tune`.
 
-    Example: nadrc identify runs/20260101-120000 --scenario mine.yaml, or
+    Example: nadrc identify runs/20260101-120000 --out mine, or
     nadrc identify log.csv --time t --measurement rpm --command pwm --from 12
     """
-    from nadrc_ros.atomic import check_file
-
+    options.check_outputs(out=out, json=json)
     with reporting():
         if b0 is not None:
             ControllerSettings(b0=b0)  # refuses what cannot be one
-        for file in filter(None, (out, scenario, json)):
-            check_file(file)
         (recorded,) = where.read([run], {}).values()
     with reporting(str(run)):
         from nadrc_ros.tuning.identification.advice import advise, running_controller
@@ -98,15 +96,20 @@ def identify(
     with reporting():
         if json is not None:
             _write_json(json, plant, advice, b0, kept, doubts)
+        budget = 0.0
         if out is not None:
-            _write_parameters(out, advice, recorded.rate)
-        budget = None if scenario is None else _write_scenario(scenario, plant, log, advice)
+            out.mkdir(parents=True, exist_ok=True)
+            _write_json(out / 'identify.json', plant, advice, b0, kept, doubts)
+            _write_parameters(out / _PARAMETERS, advice, recorded.rate)
+            budget = _write_scenario(out / _SCENARIO, plant, log, advice)
         for line in _verdict(plant, advice, b0):
             typer.echo(line)
-        typer.echo(f'Next: {advice.line} --out mine')
-        if scenario is not None:
-            typer.echo(f'Then: nadrc tune {scenario} --budget {budget:g}')
-        _complain(run, plant, advice, log, out)
+        if out is not None:
+            typer.echo(f'{out}: {_PARAMETERS}, {_SCENARIO}, identify.json')
+        typer.echo(f'Next: {advice.line} --out {"mine" if out is None else out / "design"}')
+        if out is not None:
+            typer.echo(f'Then: nadrc tune {out / _SCENARIO} --budget {budget:g}')
+        _complain(run, plant, advice, log, out and out / _PARAMETERS)
 
 
 def _prepared(
@@ -161,7 +164,7 @@ def _write_scenario(path: Path, plant: 'Plant', log: 'Log', advice: 'Advice') ->
     from nadrc_ros.tuning.identification.advice import NAME, reference_text, rounded, scenario_of
 
     text = reference_text(log)
-    followed = path.with_suffix('.csv') if text else None
+    followed = path.with_name(_REFERENCE) if text else None
     if followed is not None:
         write_whole(followed, text.encode())
     repeated = scenario_of(plant, log, advice.settings, followed)

@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.fields import Declared, declared
-from nadrc_ros.cli.failure import complain
+from nadrc_ros.cli.failure import complain, reporting
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -32,12 +32,21 @@ _KINDS: dict[str, Any] = {
     'text': str,
 }
 _PICTURES = ('.png', '.svg', '.pdf')
+_TABLES = ('.csv', '.parquet')
 
 ScenarioFile = Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')]
 # What changes a scenario.
 Duration = Annotated[Optional[float], typer.Option(help='Length of the run in seconds.')]
 Rate = Annotated[Optional[float], typer.Option(help='Control periods per second.')]
 NoiseVariance = Annotated[Optional[float], typer.Option(help='Variance of the noise, 0 for none.')]
+
+
+Seed = Annotated[Optional[int], typer.Option(help='Seed of the noise.')]
+# Where results go. A folder for all of them is --out.
+JsonFile = Annotated[Optional[Path], typer.Option(help='Write all figures to this file.')]
+PlotFile = Annotated[
+    Optional[Path], typer.Option(help='Draw a picture to this file (png, svg, pdf).')
+]
 
 
 def takes(**makers: Callable[..., Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -166,7 +175,29 @@ def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
     return scenario
 
 
-def check_ending(path: Optional[Path], option: str, endings: Sequence[str] = _PICTURES) -> None:
-    """Refuse a file whose name does not say one of the formats there are."""
-    if path is not None and path.suffix not in endings:
-        raise typer.BadParameter(f'{path} must end in ' + ' or '.join(endings), param_hint=option)
+def check_outputs(
+    *,
+    out: Optional[Path] = None,
+    json: Optional[Path] = None,
+    plot: Optional[Path] = None,
+    page: Optional[Path] = None,
+    table: Optional[Path] = None,
+) -> None:
+    """Refuse, before any work, a folder or files that cannot be written or end otherwise."""
+    from nadrc_ros.atomic import check_file, check_folder
+
+    with reporting():
+        if out is not None:
+            check_folder(out)
+        for option, (path, endings) in {
+            '--json': (json, ()),
+            '--plot': (plot, _PICTURES),
+            '--page': (page, ()),
+            '--table': (table, _TABLES),
+        }.items():
+            if path is None:
+                continue
+            if endings and path.suffix not in endings:
+                said = f'{path} must end in {" or ".join(endings)}'
+                raise typer.BadParameter(said, param_hint=option)
+            check_file(path)

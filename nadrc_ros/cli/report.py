@@ -18,12 +18,15 @@ def report(
         list[Path],
         typer.Argument(help='Folders of runs (runs/<date>), rosbag2 bags or CSV files.'),
     ],
-    out: Annotated[
-        Optional[Path], typer.Option(help='Where the page goes; otherwise to the first run.')
-    ] = None,
-    static: Annotated[
+    page: Annotated[
         Optional[Path],
-        typer.Option(help='Draw a picture there (png, svg, pdf), and no page without --out.'),
+        typer.Option(help='Write the page to this file; by default beside the first run.'),
+    ] = None,
+    plot: Annotated[
+        Optional[Path],
+        typer.Option(
+            help='Draw a picture to this file (png, svg, pdf), and no page without --page.'
+        ),
     ] = None,
     topic: Annotated[
         Optional[list[str]],
@@ -38,26 +41,26 @@ def report(
     It has interactive plots, figures of merit, the disturbance estimates against the truth, the
     spectrum of the command, latencies, and the parameters with their changes on the way.
 
-    Example: nadrc report runs/20260101-120000, or nadrc report runs/A log.csv --out ab.html
+    Example: nadrc report runs/20260101-120000, or nadrc report runs/A log.csv --page ab.html
     """
-    options.check_ending(static, '--static')
+    options.check_outputs(page=page, plot=plot)
     with reporting():
         found = log.read(runs, _topics(topic or []))
-        if static is not None:
-            _draw(static, found)
-            if out is None:
+        if plot is not None:
+            _draw(plot, found)
+            if page is None:
                 return
         try:
-            from nadrc_ros.report.page import page
+            from nadrc_ros.report.page import page as page_of
         except ImportError as error:
             from nadrc_ros.extras import MissingPackage
 
-            without = '--static needs nothing'
+            without = '--plot needs nothing'
             raise MissingPackage('the page', error.name or 'plotly', 'report', without) from None
         from nadrc_ros.atomic import write_whole
 
-        path = out or _beside(runs)
-        write_whole(path, page(found).encode())
+        path = page or _beside(runs)
+        write_whole(path, page_of(found).encode())
         typer.echo(f'report {path}')
 
 

@@ -1,12 +1,10 @@
 """`nadrc simulate`: every controller of a scenario, offline."""
 
-# ruff: noqa: UP045
 from pathlib import Path
-from typing import Annotated, Any, Optional, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting, tell_divergence
-import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
@@ -15,14 +13,10 @@ if TYPE_CHECKING:
 
 def simulate(
     file: options.ScenarioFile,
-    json: Annotated[
-        Optional[Path], typer.Option(help='Write scenario and figures of merit there.')
-    ] = None,
-    plot: Annotated[
-        Optional[Path], typer.Option(help='Draw a picture there (png, svg, pdf).')
-    ] = None,
+    json: options.JsonFile = None,
+    plot: options.PlotFile = None,
     duration: options.Duration = None,
-    seed: Annotated[Optional[int], typer.Option(help='Seed of the noise.')] = None,
+    seed: options.Seed = None,
     noise_variance: options.NoiseVariance = None,
     rate: options.Rate = None,
 ) -> None:
@@ -31,11 +25,11 @@ def simulate(
 
     Example: nadrc simulate demo --plot demo.png, or nadrc simulate mine.yaml --seed 7
     """
+    options.check_outputs(json=json, plot=plot)
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
         import numpy as np
 
-        options.check_ending(plot, '--plot')
         path = find_scenario(file)
         whole = load(path)
     with reporting():

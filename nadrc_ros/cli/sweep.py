@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting, USER_ERROR
-from nadrc_ros.cli.options import check_ending
+from nadrc_ros.cli.options import check_outputs
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 
 def sweep(
     file: Annotated[Path, typer.Argument(help='Sweep file: scenario, vary, seeds.')],
-    out: Annotated[
+    table: Annotated[
         Optional[Path],
-        typer.Option(help='Table, .csv or .parquet; by default named as FILE, here.'),
+        typer.Option(
+            help='Write the table to this file, .csv or .parquet; by default named as FILE, here.'
+        ),
     ] = None,
     jobs: Annotated[
         Optional[int], typer.Option(min=1, help='Processes; by default one per core.')
@@ -35,37 +37,37 @@ def sweep(
     A row per run. After Ctrl-C, a crash or a kill the same command goes on where it ended, and
     the table is the same in the end.
 
-    Example: nadrc sweep config/sweeps/bandwidth.yaml --out bandwidth.parquet
+    Example: nadrc sweep config/sweeps/bandwidth.yaml --table bandwidth.parquet
     """
+    path = table or Path(f'{file.stem}.csv')
+    check_outputs(table=path)
     with reporting(str(file)):
         from nadrc_ros.cli.workers import cluster, processes
-        from nadrc_ros.records.run_table import FORMATS, RunTable
+        from nadrc_ros.records.run_table import RunTable
         from nadrc_ros.scenario.sweep import load_sweep
         from nadrc_ros.simulation.simulate import WORTH_COMPILING
 
-        path = out or Path(f'{file.stem}.csv')
-        check_ending(path, '--out', FORMATS)
         wanted = load_sweep(file)
         extent = wanted.check()
     with reporting():
-        table = RunTable(path, wanted, extent)
+        rows = RunTable(path, wanted, extent)
         try:
-            if table.done < table.runs:
+            if rows.done < rows.runs:
                 fast = extent.periods >= WORTH_COMPILING
                 with cluster(dask) if dask else processes(jobs) as executor:
-                    _fill(table, wanted, executor, fast, extent.periods)
-            table.finish()
+                    _fill(rows, wanted, executor, fast, extent.periods)
+            rows.finish()
         except (KeyboardInterrupt, BrokenExecutor, CancelledError) as error:
             interrupted = isinstance(error, KeyboardInterrupt)
             complain(
                 f'{"interrupted" if interrupted else "the workers are gone"}: '
-                f'{table.done} of {table.runs} runs are kept; '
+                f'{rows.done} of {rows.runs} runs are kept; '
                 'the same command goes on from there'
             )
             raise typer.Exit(INTERRUPTED if interrupted else USER_ERROR) from None
         finally:
-            table.close()
-        typer.echo(f'{table.runs} runs in {path}')
+            rows.close()
+        typer.echo(f'{rows.runs} runs in {path}')
 
 
 def _fill(

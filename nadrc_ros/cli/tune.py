@@ -7,7 +7,7 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 import attrs
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.cli.failure import complain, reporting
-from nadrc_ros.cli.options import fields, ScenarioFile, takes
+from nadrc_ros.cli.options import check_outputs, fields, ScenarioFile, takes
 from nadrc_ros.cli.progress import progress
 from nadrc_ros.tuning.search.settings import TuneSettings
 import typer
@@ -75,16 +75,15 @@ def tune(
     ranges = {'vary': vary, 'plant': plant, 'b0_spread': b0_spread}
     given = values | {key: value for key, value in ranges.items() if value}
     with reporting(file):
-        from nadrc_ros.atomic import check_folder
         from nadrc_ros.scenario import find_scenario, load
 
         path = find_scenario(file)
         scenario = _bare(load(path))
+    folder = out or _OUT / path.stem
+    check_outputs(out=folder)
     with reporting():
         names = _chosen(scenario, controller)
         tuning = _tuning(given, settings)
-        folder = out or _OUT / path.stem
-        check_folder(folder)
         try:
             from nadrc_ros.tuning.search.study import open_storage
         except ImportError as error:

@@ -18,7 +18,6 @@ from nadrc_ros.extras import MissingPackage
 from nadrc_ros.scenario.sweep import cell, Extent, Sweep
 from nadrc_ros.simulation.metrics import MetricValues
 
-FORMATS = ('.csv', '.parquet')
 _METRICS = tuple(field.name for field in attrs.fields(MetricValues))
 # A scenario has a duration too.
 _COLUMN_NAMES = {'duration': 'duration_used'}
