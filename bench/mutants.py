@@ -21,7 +21,6 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from difflib import unified_diff
 from fnmatch import fnmatch
-import json
 import os
 from pathlib import Path
 from queue import SimpleQueue
@@ -37,6 +36,7 @@ from typing import Any, NamedTuple
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator, operator_names
+from nadrc_ros.atomic import write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / 'out' / 'bench' / 'mutants.json'
@@ -241,7 +241,7 @@ def main(words: list[str]) -> None:
     print(f'{monotonic() - begin:.0f} s')
     OUT.parent.mkdir(parents=True, exist_ok=True)
     content = {'seed': seed, 'seconds': round(monotonic() - begin), 'mutants': rows}
-    OUT.write_text(json.dumps(content, indent=1), encoding='utf-8')
+    write_json(OUT, 'mutants', content)
 
 
 if __name__ == '__main__':

@@ -34,7 +34,7 @@ def save(
     if path.exists():
         document = json.loads(path.read_text(encoding='utf-8'))
     document[part] = _without_nan(figures)
-    write_json(path, document)
+    write_json(path, 'bench', document)
 
 
 def _without_nan(figures: Any) -> Any:

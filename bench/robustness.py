@@ -331,7 +331,7 @@ def write(rows: list[Row], seed: int, path: Path) -> None:
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {'settings': settings, 'rows': [attrs.asdict(row) for row in rows]}
-    write_json(path, document)
+    write_json(path, 'robustness', document)
 
 
 def show(rows: list[Row]) -> None:

@@ -10,6 +10,11 @@ import os
 from pathlib import Path
 from typing import Any
 
+from nadrc_ros.adrc.errors import UserError
+
+# The key of a document that says what it is.
+FORMAT = 'format'
+
 
 def check_folder(path: Path) -> None:
     """
@@ -63,6 +68,34 @@ def write_whole(path: Path, content: bytes) -> None:
             part.unlink()
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a document of finite numbers in full, or not at all."""
-    write_whole(path, (json.dumps(content, indent=2, allow_nan=False) + '\n').encode())
+def write_json(path: Path, kind: str, content: Mapping[str, Any]) -> None:
+    """Write a document of finite numbers in full, or not at all; its format comes first."""
+    document = {FORMAT: format_of(kind), **content}
+    write_whole(path, (json.dumps(document, indent=2, allow_nan=False) + '\n').encode())
+
+
+def format_of(kind: str) -> str:
+    """Return what a JSON document of a kind says of its format."""
+    return f'nadrc/{kind} 1'
+
+
+def content_of(name: str, kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return what a document has beside its format, which must be that of the kind.
+
+    One that does not say what it is was written before documents said it, and passes.
+
+    Raises
+    ------
+    UserError
+        Names the file, what it is, and what can be read.
+
+    """
+    known = format_of(kind)
+    content = dict(document)
+    found = content.pop(FORMAT, known)
+    if found == known:
+        return content
+    later = str(found).startswith(known[:-1])
+    hint = ': a later version of nadrc_ros wrote it' if later else ''
+    raise UserError(f'{name}: its format is {found}, not {known}{hint}')

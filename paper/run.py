@@ -7,6 +7,7 @@ from importlib import import_module
 import json
 from typing import Any
 
+from nadrc_ros.atomic import FORMAT, format_of
 from paper.article import article
 from paper.drawing import FORMATS, render
 from paper.section import Result, Section
@@ -80,5 +81,5 @@ def as_json(results: Mapping[str, Any], quick: bool) -> bytes:
         name: {'table1': scenario['table1']}
         for name, scenario in results['table1']['scenarios'].items()
     }
-    whole = {'quick': quick, 'scenarios': scenarios, **results}
+    whole = {FORMAT: format_of('paper'), 'quick': quick, 'scenarios': scenarios, **results}
     return (json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + '\n').encode()

@@ -43,7 +43,7 @@ def test_the_file_has_the_keys_that_are_documented(rows: list[Row], tmp_path: Pa
     path = tmp_path / 'bench' / 'robustness.json'
     write(rows, SEED, path)
     document = json.loads(path.read_text(encoding='utf-8'))
-    assert set(document) == {'settings', 'rows'}
+    assert set(document) == {'format', 'settings', 'rows'}
     assert document['settings']['seed'] == SEED
     for row in document['rows']:
         assert list(row) == [

@@ -77,7 +77,7 @@ def test_json_holds_the_scenario_and_every_figure_of_merit(scenario: Path) -> No
     out = scenario.with_name('out.json')
     assert nadrc('simulate', scenario, '--json', out, '--seed', 5).exit_code == 0
     document = json.loads(out.read_text())
-    assert list(document) == ['scenario', 'runs']
+    assert list(document) == ['format', 'scenario', 'runs']
     loaded = from_mapping(document['scenario'], '/')
     assert loaded == load(scenario).changed(seed=5)
     assert document['runs'] == {

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import json
 from math import nan
 from pathlib import Path
+from shutil import copytree
 import sys
 
 from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.atomic import write_json
 from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.read_run import read_run, read_runs
 from nadrc_ros.records.recording import RunFolder, RunSettings
@@ -81,6 +84,24 @@ def test_a_folder_of_an_earlier_version_means_what_it_did() -> None:
     assert run.history.events == []
     assert run.metrics.as_dict() == found['metrics']
     assert (run.gaps, run.figure_settings.settle_time) == (0, 2.0)
+
+
+@pytest.mark.parametrize('kind', ['run', 'about', 'summary'])
+def test_a_later_format_is_refused_by_name_and_that_of_today_is_read(
+    kind: str, tmp_path: Path
+) -> None:
+    folder = copytree(EARLIER, tmp_path / 'run')
+    file = folder / f'{kind}.json'
+    content = json.loads(file.read_bytes())
+    write_json(file, kind, content)
+    assert json.loads(file.read_bytes()) == {'format': f'nadrc/{kind} 1', **content}
+    assert read_run(folder).rate == read_run(EARLIER).rate
+    file.write_text(json.dumps({**content, 'format': f'nadrc/{kind} 2'}), encoding='utf-8')
+    with pytest.raises(UserError, match=f'^{kind}.json: .* nadrc/{kind} 2, .*: a later version'):
+        read_run(folder)
+    write_json(file, 'design', content)
+    with pytest.raises(UserError, match=f'its format is nadrc/design 1, not nadrc/{kind} 1$'):
+        read_run(folder)
 
 
 def test_a_folder_has_the_rate_of_its_measurements(tmp_path: Path) -> None:

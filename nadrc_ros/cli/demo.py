@@ -193,6 +193,7 @@ def _write_summary(
 
     write_json(
         path,
+        'demo',
         {
             'scenario': name,
             'pacing': 'lockstep' if lockstep else 'realtime',

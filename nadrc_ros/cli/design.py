@@ -140,7 +140,7 @@ def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> 
     write_whole(out / 'design.yaml', parameter_text({ANY_CONTROLLER: parameters}).encode())
     write_whole(out / 'scenario.yaml', dump(found.scenario).encode())
     write_whole(out / 'bode.png', render(figure, 'png'))
-    write_json(out / 'design.json', found.document(expected))
+    write_json(out / 'design.json', 'design', found.document(expected))
     typer.echo(f'{out}: design.yaml, scenario.yaml, bode.png, design.json')
     if remark := about_reference(found.chosen.settings):
         typer.echo(f'{out / "design.yaml"}: {remark}')

@@ -235,7 +235,7 @@ def _write_json(
         'margins': advice.margins.as_dict(),
         'rows_per_sample': kept,
     }
-    write_json(path, document)
+    write_json(path, 'identify', document)
 
 
 def _print_table(title: str, plant: 'Plant') -> None:

@@ -56,7 +56,7 @@ def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') 
         'scenario': to_mapping(scenario),
         'runs': {name: result.metrics.as_dict() for name, result in results.items()},
     }
-    write_json(path, document)
+    write_json(path, 'simulate', document)
 
 
 def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:

@@ -38,5 +38,5 @@ def summarise(
         if read_summary(run).get('complete') is True:
             typer.echo(f"{run / SUMMARY} is the recorder's own and stays")
             return
-        write_json(run / SUMMARY, content)
+        write_json(run / SUMMARY, 'summary', content)
         typer.echo(f'summary {run / SUMMARY}')

@@ -217,7 +217,7 @@ def _finish(
     folder.mkdir(parents=True, exist_ok=True)
     for file, content in contents.items():
         write_whole(folder / file, content)
-    write_json(folder / 'tune.json', document(name, tuning, found))
+    write_json(folder / 'tune.json', 'tune', document(name, tuning, found))
     for one in found:
         _print_front(one, tuning)
     _print_table(title, found)

@@ -22,7 +22,7 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
-from nadrc_ros.atomic import write_json
+from nadrc_ros.atomic import content_of, write_json
 from nadrc_ros.records.recording import RecordingError
 from nadrc_ros.simulation.plants import PLANTS
 
@@ -150,7 +150,7 @@ def about_figures(values: Mapping[str, Any]) -> Values:
 
 def write_about(folder: Path, content: Mapping[str, Any]) -> None:
     """Write who runs what, at once."""
-    write_json(folder / ABOUT, content)
+    write_json(folder / ABOUT, 'about', content)
 
 
 def append_parameters(
@@ -201,7 +201,7 @@ def _about(text: str) -> Values:
         raise RecordingError(f'{ABOUT}: {error}') from None
     if not isinstance(content, dict):
         raise RecordingError(f'{ABOUT}: not a table of values by name')
-    return content
+    return content_of(ABOUT, 'about', content)
 
 
 def _lines(path: Path, what: str, make: Callable[[Any], T]) -> Iterator[T]:

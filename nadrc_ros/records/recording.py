@@ -14,7 +14,7 @@ import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, declared, number
 from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
-from nadrc_ros.atomic import write_json
+from nadrc_ros.atomic import content_of, write_json
 
 SETTINGS = 'run.json'
 SAMPLES = 'samples.csv'
@@ -141,7 +141,7 @@ class RunFolder:
     def __init__(self, directory: Path, columns: Sequence[str], settings: RunSettings) -> None:
         self.path = _new_folder(directory)
         try:
-            write_json(self.path / SETTINGS, attrs.asdict(settings))
+            write_json(self.path / SETTINGS, 'run', attrs.asdict(settings))
             self._file = (self.path / SAMPLES).open('x', encoding='utf-8')
             self._file.write(','.join(columns) + '\n')
             self.flush()
@@ -167,7 +167,7 @@ class RunFolder:
 
     def write_summary(self, content: Mapping[str, Any]) -> None:
         """Write or replace the summary in one step: it is never half there."""
-        write_json(self.path / SUMMARY, content)
+        write_json(self.path / SUMMARY, 'summary', content)
 
 
 def read_samples(folder: Path) -> dict[str, list[float]]:
@@ -221,12 +221,14 @@ def _read(folder: Path) -> tuple[dict[str, list[float]], bool]:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """Return the summary of a run, empty if there is none that can be read."""
+    """Return the summary of a run, empty if there is none that can be read, as JSON."""
     try:
         content = json.loads((folder / SUMMARY).read_bytes())
     except (FileNotFoundError, ValueError):
         return {}
-    return content if isinstance(content, dict) else {}
+    if not isinstance(content, dict):
+        return {}
+    return content_of(SUMMARY, 'summary', content)
 
 
 def stop_of(content: Mapping[str, Any]) -> float | None:
@@ -254,7 +256,7 @@ def read_settings(folder: Path) -> RunSettings:
         raise RecordingError(f'{path.name}: {error}') from None
     known = declared(RunSettings)
     if isinstance(content, dict):
-        content = _TAKEN_FOR_GRANTED | content
+        content = _TAKEN_FOR_GRANTED | content_of(path.name, 'run', content)
     if not isinstance(content, dict) or content.keys() != known.keys():
         raise RecordingError(f'{path.name}: must have {", ".join(known)} and nothing else')
     return build(RunSettings, content, path.name)

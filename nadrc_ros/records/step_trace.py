@@ -12,16 +12,18 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.atomic import content_of, FORMAT, format_of
 
 
 class TraceWriter:
     """
     Writes JSON lines: ``{"settings": ...}`` first and at every change, then one record per tick.
 
-    The first says also whether the sensor counted as ``checked``. A record has the arguments of
-    :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the ``applied`` command
-    that counted, with the ``applied_age`` of a report, ``followed``, ``x`` for ``gain_variable``,
-    and the ``feed_forward`` that counted), ``enabled``, and what came out: ``u`` and ``status``.
+    The first says also its ``format`` and whether the sensor counted as ``checked``. A record has
+    the arguments of :meth:`Controller.tick` (``y``, ``dt``, ``elapsed``, ``age``, ``r``, the
+    ``applied`` command that counted, with the ``applied_age`` of a report, ``followed``, ``x`` for
+    ``gain_variable``, and the ``feed_forward`` that counted), ``enabled``, and what came out:
+    ``u`` and ``status``.
     Between two ticks ``{"disabled": true}`` and ``{"reset": true}`` say what was asked for.
     Numbers are written so that they read back to the bit; nan and infinities as JavaScript writes
     them.
@@ -32,7 +34,8 @@ class TraceWriter:
     def __init__(self, path: Path, settings: ControllerSettings, checked: bool = False) -> None:
         self.failure = ''
         self._file = path.open('x', encoding='utf-8')
-        self._write({'settings': attrs.asdict(settings), 'checked': checked})
+        first = {FORMAT: format_of('trace'), 'settings': attrs.asdict(settings)}
+        self._write({**first, 'checked': checked})
 
     def settings(self, settings: ControllerSettings) -> None:
         """Record that these settings are staged before the next tick."""
@@ -110,6 +113,7 @@ def replay(path: Path) -> Iterator[tuple[float, float]]:
             if 'settings' in record:
                 settings = ControllerSettings(**record['settings'])
                 if controller is None:
+                    content_of(path.name, 'trace', record)
                     controller = Controller(settings, checked=record.get('checked', False))
                 else:
                     controller.retune(settings)
