@@ -34,6 +34,7 @@ import numpy as np
 import pytest
 
 RATE = 200.0
+# A time of k H may be above k / RATE by rounding: what begins then begins a period too late.
 H = 1.0 / RATE
 LOAD = 1.0
 SETPOINT = 0.3
@@ -222,7 +223,7 @@ def test_p12_after_any_live_change_a_load_is_rejected_as_by_a_loop_that_began_so
     load_at = max(changed_at + wait, 2 * decay)
     changed_at = load_at - wait
     whole = experiment(plant, load_at, load_at + decay, **around(base, delay))
-    retune = Retune(time=changed_at * H, settings={name: value})
+    retune = Retune(time=changed_at / RATE, settings={name: value})
     fresh = errors(attrs.evolve(changed, startup_time=0.0), whole)
     after = errors(base, attrs.evolve(whole, retunes=(retune,)))
     assume(np.max(np.abs(fresh[load_at - 10 : load_at])) < REST)
@@ -243,7 +244,7 @@ def test_p10_p12_so_is_one_after_a_reset_a_gap_or_a_fault(
         base = attrs.evolve(base, measurement_timeout=0.0)
     if what != 'reset':
         spoiled = max(base.max_dt if what == 'gap' else base.measurement_timeout + 0.1, 2 * H)
-        fault = MeasurementFault(kind='silent', start=at * H, duration=spoiled)
+        fault = MeasurementFault(kind='silent', start=at / RATE, duration=spoiled)
         faults = Faults(measurement=(fault,))
         wait += round(spoiled * RATE) + 2  # else the load falls into the gap
     if what == 'silence':
@@ -284,7 +285,7 @@ def test_p12_a_change_under_noise_does_not_drive_a_slow_loop_away(change: dict[s
     base, plant = ControllerSettings(controller_bandwidth=1.0, inner_bandwidth=80.0), Chain()
     at, end = 6000, 30_000
     whole = attrs.evolve(experiment(plant, end + 1, end), noise=NOISY)
-    retune = Retune(time=at * H, settings=change)
+    retune = Retune(time=at / RATE, settings=change)
     after = errors(base, attrs.evolve(whole, retunes=(retune,)))
     fresh = errors(attrs.evolve(base, **change), whole)
     assert np.max(np.abs(after[at:])) < WANDER * np.max(np.abs(fresh[at:]))
@@ -312,6 +313,6 @@ def test_p12_the_device_of_the_start_never_acts_on_a_loop_that_has_started(
     """Set live, or after a reset, it slowed the observers of a loop that lives by them."""
     base, plant = ControllerSettings(startup_time=3.0 if reset else 0.0), Chain(damping=damping)
     whole = experiment(plant, 3000, 4000)
-    retunes = () if reset else (Retune(time=2900 * H, settings={'startup_time': 60.0}),)
+    retunes = () if reset else (Retune(time=2900 / RATE, settings={'startup_time': 60.0}),)
     after = errors(base, attrs.evolve(whole, retunes=retunes), 2900 if reset else 0)
     judge(after, errors(attrs.evolve(base, startup_time=0.0), whole), 3000)
