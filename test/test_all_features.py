@@ -14,10 +14,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from law_helpers import at_least, bits, Chain, INF, NAN
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.limiter import acting_downstream, clamp, limit, present
-from nadrc_ros.adrc.sample import Sample
+from nadrc_ros.adrc.limiter import clamp, limit, present
 from nadrc_ros.adrc.settings import ControllerSettings, GAIN_SOURCES
 from nadrc_ros.adrc.state import raw_command
 from nadrc_ros.adrc.status import Mode, Status
@@ -210,8 +208,8 @@ def judge_tick(
     new, sample = controller.design, controller.sample
     assert new.command_min <= u <= new.command_max, label
     assert numbers(controller), label
-    acts = present(before, downstream(old, sample))
-    if mode == Mode.SAFE:  # somebody else may be in control
+    acts = present(before, sample.downstream)
+    if mode in (Mode.RAMPING, Mode.SAFE) and sample.foreign:  # somebody else is in control
         acts = sample.applied
     ends = [clamp(new, v) for v in (before, acts)]
     limits = [d.command_rate_limit for d in (old, new)]
@@ -227,7 +225,7 @@ def judge_tick(
             raw = raw_command(new, controller.state)
             scale = 1e-12 * max(map(abs, (v for row in controller.state.levels for v in row)))
             over = min(gap + sample.span, sample.elapsed)
-            asked = limit(new, raw, before, over, downstream(old, sample))[0]
+            asked = limit(new, raw, before, over, sample.downstream)[0]
             assert asked == pytest.approx(u, abs=1e-9 + scale), label
     elif not used and started:  # else the observers begin at it
         assert levels_of(controller) == levels, label
@@ -236,12 +234,6 @@ def judge_tick(
             assert u in (*ends, new.safe_command), label
     if used and mode != Mode.OK and controller.mode == Mode.OK:
         assert u == pytest.approx(ends[1], abs=1e-9), label
-
-
-def downstream(design: Design, sample: Sample) -> float:
-    if not sample.applied_age >= 0.0:
-        return NAN
-    return acting_downstream(design, sample.applied, sample.sent, sample.applied_age)
 
 
 def recovers(controller: Controller) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from math import sin
 from pathlib import Path
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -76,6 +77,68 @@ def test_p11_enabling_begins_with_the_command_of_who_was_in_control(
         assert u == pytest.approx(FOREIGN, abs=1e-6) and abs(chain.y) < 1e-9
 
 
+class Echoed:
+    """An enabled loop that holds a plant of order 1 with ``push``, and hears what it sent."""
+
+    def __init__(self, push: float, rate: float, late: int) -> None:
+        settings = ControllerSettings(
+            applied_timeout=0.2,
+            command_rate_limit=rate,
+            plant_order=1,
+            inner_bandwidth=20.0,
+            measurement_timeout=0.03,
+            hold_time=1.0,
+        )
+        self.controller, self.chain = Controller(settings, checked=True), Chain(1)
+        self.commands, self.late, self.push = [0.0] * late, late, push
+        for _ in range(600):
+            self.tick(reference=[0.0])
+        assert self.commands[-1] == pytest.approx(push, abs=1e-3)
+
+    def tick(
+        self, applied: float | None = None, lost: bool = False, dt: float = H, **more: Any
+    ) -> float:
+        y, dt = (NAN, 0.0) if lost else (self.chain.y, dt)
+        echo = self.commands[-self.late] if applied is None else applied
+        age = (self.late - 1) * H
+        u = self.controller.tick(y, dt, elapsed=H, applied=echo, applied_age=age, **more)
+        self.commands.append(u)
+        self.chain.advance((u if applied is None else applied) - self.push, H)
+        return u
+
+
+@pytest.mark.parametrize('rate', (0.0, 10.0, 30.0))
+@pytest.mark.parametrize('ticks', (1, 3, 20, 45, 90, 300))
+@pytest.mark.parametrize('push', (9.0, 4.0, -9.0))
+def test_p11_so_it_does_while_our_own_ramp_after_disabling_still_runs(
+    rate: float, ticks: int, push: float
+) -> None:
+    """Which meanwhile goes on from our last command, or at once from theirs if that is nearer."""
+    loop = Echoed(push, rate, late=3)
+    loop.controller.enabled = False
+    for _ in range(ticks):
+        before, u = loop.commands[-1], loop.tick(applied=FOREIGN)
+        low, high = sorted((before, FOREIGN))
+        assert rate == 0.0 or low - rate * H - 1e-9 <= u <= high + rate * H + 1e-9
+    loop.controller.enabled = True
+    while loop.controller.mode != Mode.OK:  # for the good samples
+        u = loop.tick(applied=FOREIGN)
+    assert u == pytest.approx(FOREIGN, abs=1e-9)
+
+
+@pytest.mark.parametrize('ticks', (1, 2, 5, 20, 29, 30, 31, 32, 33, 34, 60))
+def test_p05_p11_enabled_on_its_own_ramp_it_goes_on_from_there(ticks: int) -> None:
+    """The reports are of what it sent itself, some periods ago."""
+    loop = Echoed(9.0, 30.0, late=4)
+    loop.controller.enabled = False
+    for _ in range(ticks):
+        loop.tick()
+    loop.controller.enabled = True
+    while loop.controller.mode != Mode.OK:
+        loop.tick()
+    assert loop.commands[-1] == loop.commands[-2]
+
+
 @pytest.mark.parametrize('late', (1, 2, 5))
 def test_p05_an_echo_of_our_own_commands_costs_nothing_of_the_rate(late: int) -> None:
     """Its age is told, or it would seem that our command is ahead of what acts."""
@@ -124,6 +187,22 @@ def test_p05_p10_nor_does_one_take_the_command_back_where_the_law_begins_anew(wh
         commands.append(u)
 
 
+@pytest.mark.parametrize('what', ('gap', 'reset', 'hold', 'end of a hold'))
+def test_p10_p11_nor_does_one_where_no_rate_limit_says_how_old_it_may_be(what: str) -> None:
+    """The load grows by 0.2 a tick, and with it the command."""
+    loop = Echoed(1.0, 0.0, late=5)
+    for _ in range(100):
+        loop.push += 0.2
+        loop.tick()
+    for k in range(8):
+        if what == 'reset' and k == 0:
+            loop.controller.reset()
+        lost = what == 'hold' or (what == 'end of a hold' and k < 5)
+        u = loop.tick(dt=1.0 if what == 'gap' and k == 0 else H, lost=lost)
+        assert abs(u - loop.commands[-2]) < 0.3, k
+    assert loop.controller.mode == (Mode.HOLDING if what == 'hold' else Mode.OK)
+
+
 @pytest.mark.parametrize('sign', (1.0, -1.0))
 def test_p05_behind_a_limit_the_command_comes_back_at_once(sign: float) -> None:
     """And not at the rate limit from where it went in vain."""
@@ -149,7 +228,7 @@ def test_a_report_by_another_measure_does_not_carry_the_command_away(
     it sends: by (applied - u) b0 / wc^n.
     """
     settings = ControllerSettings(
-        command_rate_limit=rate, applied_timeout=0.1, measurement_timeout=0.05, hold_time=10.0
+        command_rate_limit=30.0, applied_timeout=0.1, measurement_timeout=0.05, hold_time=10.0
     )
     controller, chain, u = Controller(settings, checked=True), Chain(2), 0.0
     for _ in range(2000):

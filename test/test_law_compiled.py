@@ -84,7 +84,12 @@ def run(design: Any, tick: Any, *, plain: bool) -> tuple[list[str], list[int], l
         if k % 900 > 450:  # somebody says what acts, and what is known of the load
             acting, fed = 0.7 * u + others.random(), others.gauss(0.0, 0.1)
             sample = sample._replace(
-                applied=acting, applied_age=h * others.random(), sent=u, feed_forward=fed
+                applied=acting,
+                applied_age=h * others.random(),
+                sent=u,
+                feed_forward=fed,
+                downstream=acting + 0.1 * others.random(),
+                foreign=others.random() > 0.5,
             )
         u, _, policy = tick(design, state, policy, sample, reference, referenced, enabled, out)
         assert isinstance(policy, PolicyState) and isinstance(policy.stall, Stall)

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
 from math import copysign, inf, nan
 
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
+
+# Changes of our own command that a report may lag.
+_KEPT = 1000
+# Of a sum of times of ticks, and of a command that went through single precision.
+_ROUNDING, _SAME = 1.0 + 1e-9, 1e-6
 
 
 class CommandIntake:
@@ -21,6 +27,7 @@ class CommandIntake:
     def __init__(self, settings: ControllerSettings) -> None:
         self.unfed = inf
         self._applied, self._applied_age = nan, inf
+        self._ours: deque[tuple[float, float]] = deque(maxlen=_KEPT)
         self._applied_timeout = settings.applied_timeout
         self._feed_forward_timeout = settings.feed_forward_timeout
 
@@ -33,9 +40,11 @@ class CommandIntake:
         That of the last report while it is younger than ``applied_timeout``, one that just came in
         any case where that is 0; else our own, ``sent``, and nan.
         """
+        timeout = self._applied_timeout
+        if timeout > 0.0:
+            self._ours.append((sent, elapsed))
         if reported is None and self._applied_age == inf:
             return sent, nan
-        timeout = self._applied_timeout
         if reported is not None and LOWEST <= reported <= HIGHEST:
             self._applied, self._applied_age = reported, age if age > 0.0 else 0.0
             counts = timeout == 0.0 or self._applied_age <= timeout
@@ -43,6 +52,32 @@ class CommandIntake:
             self._applied_age += elapsed
             counts = self._applied_age <= timeout
         return (self._applied, self._applied_age) if counts else (sent, nan)
+
+    def compare(self, applied: float, age: float, sent: float) -> tuple[float, bool]:
+        """
+        Return the command nearest to ``sent`` that may be acting by now, and if another one acted.
+
+        A report is of a command that is older than our last one, by its ``age`` [s]. What we sent
+        meanwhile spans a range: where the report is within, nothing but us is known to act, and
+        where it is beyond, what acts may have moved as far as we did. It is of another's command
+        if we sent none that is equal, as a number of single precision. Without a report (an age of
+        nan) nothing is known: nan.
+        """
+        if not age >= 0.0:
+            return nan, False
+        low = high = sent
+        foreign, since = not _same(sent, applied), 0.0
+        for command, time in reversed(self._ours):  # the first one is ``sent``
+            if since > age * _ROUNDING:
+                break
+            low, high = min(low, command), max(high, command)
+            foreign = foreign and not _same(command, applied)
+            since += time
+        if applied < low:
+            return applied + (sent - low), foreign
+        if applied > high:
+            return applied - (high - sent), foreign
+        return sent, foreign
 
     def feed_forward(
         self, given: float | None, before: float, rate_limit: float, elapsed: float
@@ -62,3 +97,7 @@ class CommandIntake:
         if rate_limit == 0.0 or abs(before) <= change:
             return 0.0
         return before - copysign(change, before)
+
+
+def _same(ours: float, applied: float) -> bool:
+    return abs(ours - applied) <= _SAME * abs(ours)

@@ -11,7 +11,7 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.intake import ReferenceIntake
-from nadrc_ros.adrc.limiter import acting_downstream, clamp
+from nadrc_ros.adrc.limiter import clamp
 from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
@@ -132,7 +132,8 @@ class Controller:
             so. It counts for ``applied_timeout`` from when it did, not at all if it comes later
             than that, in this tick alone where that is 0; else the one returned last is taken.
         applied_age
-            How long ago that was [s]: what acts by now is as much newer.
+            How long ago that was [s]: what acts by now is as much newer. With ``applied_timeout``
+            it is known which commands of ours it may be.
         followed
             Whether it acts at all; False holds the command where ``applied`` is. With an ``inner``
             controller both are known.
@@ -152,6 +153,7 @@ class Controller:
         if self.inner is not None:
             applied, followed = self.inner.realised(sent)
         applied, applied_age = self.commands.applied(applied, applied_age, elapsed, sent)
+        downstream, foreign = self.commands.compare(applied, applied_age, sent)
         if gain_variable == gain_variable:
             self.take_gain_variable(gain_variable)
         fed = self.state.offset[2]
@@ -171,6 +173,8 @@ class Controller:
             applied_age,
             sent,
             fed,
+            downstream,
+            foreign,
         )
         self.sample = sample
         command, status, self.policy = tick(
@@ -198,7 +202,6 @@ class Controller:
             command = self._swap(*self._pending, command, limited_over)
         self.command = command
         if self.intake.drop_old(self.design.max_dt):
-            downstream = self._downstream(sample)
             adopt_reference(self.design, self.reference, self.state, sent, elapsed, downstream)
         return command
 
@@ -364,12 +367,6 @@ class Controller:
         """Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u: the sum of the levels."""
         return disturbance_estimate(self.design, self.state)
 
-    def _downstream(self, sample: Sample) -> float:
-        """Return from where the rate limit counted too in the tick of a sample, nan if nowhere."""
-        if not sample.applied_age >= 0.0:
-            return nan
-        return acting_downstream(self.design, sample.applied, sample.sent, sample.applied_age)
-
     def _swap(
         self,
         settings: ControllerSettings,
@@ -387,7 +384,7 @@ class Controller:
             sample.applied,
             dt,
             sample.sent,
-            self._downstream(sample),
+            sample.downstream,
         )
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None

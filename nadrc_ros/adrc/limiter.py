@@ -27,9 +27,8 @@ def limit(
 
     Its change since the last one, ``sent``, is at most the rate limit times ``dt`` [s]; then the
     magnitude is limited, so that a range which was narrowed is entered at once. Where another
-    command acts ``downstream``, see :func:`acting_downstream`, the change may as well count from
-    there or from anywhere between the two: a command that went on behind another limit comes back
-    from that limit at once.
+    command acts ``downstream``, the change may as well count from there or from anywhere between
+    the two: a command that went on behind another limit comes back from that limit at once.
     """
     status = OK
     if design.command_rate_limit > 0.0:
@@ -49,21 +48,6 @@ def limit(
     if raw < design.command_min:
         return design.command_min, SATURATED
     return raw, status
-
-
-def acting_downstream(design: Design, applied: float, sent: float, time: float) -> float:
-    """
-    Return the command nearest to ``sent`` that may be acting by now, ``applied`` a ``time`` ago.
-
-    A report of what acts is of a command that is older than our last one. Where it is no further
-    from that than the rate limit allows in this ``time`` [s], nothing but us is known to act.
-    """
-    change = design.command_rate_limit * time
-    if sent > applied + change:
-        return applied + change
-    if sent < applied - change:
-        return applied - change
-    return sent
 
 
 def present(sent: float, downstream: float) -> float:

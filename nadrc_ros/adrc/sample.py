@@ -30,10 +30,12 @@ class Sample(NamedTuple):
     are at fault: the law refuses what is not positive. ``elapsed`` and ``age`` are not negative.
     ``applied``, a finite number, is the command that really acted since the last tick, and
     ``applied_age`` how long ago it was by a report; nan without one, when it is our own. ``sent``
-    is our own last command in any case, nan if that is ``applied``. ``followed`` is whether it
-    acts at all: not while the inner loop that takes it is not in control. ``gain_variable`` is
-    what ``b0_table`` is over if that has a topic, nan for the last one. ``feed_forward``, a finite
-    number, is what is added to the command until the next tick.
+    is our own last command in any case, nan if that is ``applied``; ``downstream`` is the command
+    nearest to it that may be acting by now, nan without a report, and ``foreign`` whether what
+    acted was none of ours. ``followed`` is whether ours acts at all: not while the inner loop that
+    takes it is not in control. ``gain_variable`` is what ``b0_table`` is over if that has a topic,
+    nan for the last one. ``feed_forward``, a finite number, is what is added to the command until
+    the next tick.
     """
 
     measurement: float
@@ -46,6 +48,8 @@ class Sample(NamedTuple):
     applied_age: float = nan
     sent: float = nan
     feed_forward: float = 0.0
+    downstream: float = nan
+    foreign: bool = False
 
 
 def regular(measurement: float, period: float, applied: float, feed_forward: float) -> Sample:
@@ -54,4 +58,6 @@ def regular(measurement: float, period: float, applied: float, feed_forward: flo
 
     Compiled, a sample needs all its numbers: numba takes no defaults of a named tuple.
     """
-    return Sample(measurement, period, period, 0.0, applied, True, nan, nan, nan, feed_forward)
+    return Sample(
+        measurement, period, period, 0.0, applied, True, nan, nan, nan, feed_forward, nan, False
+    )

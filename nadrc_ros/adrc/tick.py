@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite, nan
+from math import inf, isfinite
 
 from nadrc_ros.adrc.angle import counted, receive, recentre, unwrapped, whole
 from nadrc_ros.adrc.delay_line import pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.law import step
-from nadrc_ros.adrc.limiter import acting_downstream, clamp, limit, present
+from nadrc_ros.adrc.limiter import clamp, limit, present
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.state import average_command, match_command, raw_command, start, State
 from nadrc_ros.adrc.status import (
     HOLDING,
     MODE_OK,
     NO_MEASUREMENT,
+    RAMPING,
     REFERENCE_TIMEOUT,
-    SAFE,
     SATURATED,
 )
 from nadrc_ros.adrc.supervisor import PolicyState, supervise
@@ -55,11 +55,9 @@ def tick(
        there at once where nothing follows it.
     """
     measurement, applied, elapsed = sample.measurement, sample.applied, sample.elapsed
-    sent, downstream, feed_forward = sample.sent, nan, sample.feed_forward
+    sent, downstream, feed_forward = sample.sent, sample.downstream, sample.feed_forward
     if sent != sent:
         sent = applied
-    elif sample.applied_age >= 0.0:
-        downstream = acting_downstream(design, applied, sent, sample.applied_age)
     span = policy.gap + sample.span
     period = design.measurement_period
     if period > 0.0 and referenced:
@@ -110,8 +108,9 @@ def tick(
         adopt_reference(design, reference, out, sent, elapsed, downstream)
     if mode == MODE_OK:
         if policy.mode != MODE_OK:
-            # A report is of an older command: of ours, unless somebody else was in control.
-            now = applied if policy.mode == SAFE else present(sent, downstream)
+            # Our command is on its way to the safe one, or there, whoever is in control.
+            theirs = sample.foreign and policy.mode >= RAMPING
+            now = applied if theirs else present(sent, downstream)
             _take_over(design, policy, after.reference_age, measurement, now, reference, out)
             command = clamp(design, now)
     elif mode != HOLDING:
