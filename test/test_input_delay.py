@@ -105,41 +105,51 @@ def stream(seed: int, ticks: int) -> list[tuple[float, bool]]:
 
 
 def run_open(
-    order: int, delay: float, input_delay: float, seed: int = 1
+    order: int, delay: float, input_delay: float, seed: int = 1, fed: float = 0.0
 ) -> tuple[list[float], list[float]]:
     """
     Let an observer watch a plant behind ``delay`` [s] that is sent noise.
 
-    Return all |y - estimate|, and all |total disturbance|, which is 0 in truth.
+    Return all |y - estimate|, and all |L - total disturbance|. The load L is 0, or just what a
+    ``fed`` share of the noise cancels when it acts.
     """
-    controller = Controller(
-        ControllerSettings(
-            plant_order=order, b0=2.0, inner_bandwidth=20.0, input_delay=input_delay, **WIDE
-        ),
-        enabled=False,
+    settings = ControllerSettings(
+        plant_order=order,
+        b0=2.0,
+        inner_bandwidth=20.0,
+        input_delay=input_delay,
+        feed_forward_timeout=1.0,
+        **WIDE,
     )
+    controller = Controller(settings, enabled=False)
     ticks = stream(seed, 400)
     commands = [*[0.0] * 5, *noise(seed, len(ticks))]  # at rest until it is believed
     sent, plant = Sent([(u, length) for u, (length, _) in zip(commands, ticks)], 0.0), Chain(order)
+    load = 0.0
     now = since = 0.0
     errors, disturbances = [], []
     for k, (length, sampled) in enumerate(ticks):
         for u, part in sent.parts(now - delay, now + length - delay):
-            plant.advance(2.0 * u, part)
+            load = -2.0 * fed * u
+            plant.advance(2.0 * u + load, part)
         now += length
         since += length
         lost = k > 4 and not sampled
         bad = k % 50 == 30  # one that is refused
         y = 1e20 if bad else plant.y
-        applied = commands[k]
+        told: dict[str, Any] = {'elapsed': length, 'applied': commands[k]}
+        if fed:  # for the next command, and with a live change on the way
+            told['feed_forward'] = fed * commands[k + 1]
+            if k == len(ticks) // 2:
+                controller.retune(attrs.evolve(settings, hold_time=1.0))
         if lost:
-            controller.tick(elapsed=length, applied=applied)
+            controller.tick(**told)
         else:
-            controller.tick(y, since, elapsed=length, applied=applied)
+            controller.tick(y, since, **told)
             since = 0.0
         if not lost and not bad:
             errors.append(abs(controller.output_estimate - plant.y))
-            disturbances.append(abs(controller.total_disturbance))
+            disturbances.append(abs(load - controller.total_disturbance))
     assert controller.counts[Status.RESTARTED] == 0
     return errors, disturbances
 
@@ -150,6 +160,12 @@ def test_p06_the_estimates_of_a_late_integrator_are_those_of_one_that_is_not(del
     errors, disturbances = run_open(1, delay, delay)
     assert max(errors) < 1e-9 and max(disturbances) < 1e-9
     assert max(run_open(1, delay, 0.0)[1]) > 0.3  # not so without
+
+
+@pytest.mark.parametrize('delay', (0.01, 0.0237, 0.05, 0.4))
+def test_p06_what_is_fed_forward_counts_from_when_it_acts(delay: float) -> None:
+    errors, disturbances = run_open(1, delay, delay, fed=0.7)
+    assert max(errors) < 1e-9 and max(disturbances) < 1e-9
 
 
 @pytest.mark.parametrize('order', (2, 3))

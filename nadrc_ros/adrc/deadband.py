@@ -13,9 +13,9 @@ from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.limiter import clamp
 from nadrc_ros.adrc.state import (
     copy_vector,
-    disturbance_estimate,
     match_command,
     output_estimate,
+    remainder,
     State,
 )
 
@@ -83,8 +83,7 @@ def _hold(command: float, out: State) -> None:
 def _speed(design: Design, acting: float, state: State) -> float:
     """Return y' - r1' as estimated."""
     if design.order == 1:  # there is no state of that name: y' + a_0 y = b0 u + L
-        received = state.gain[0] * (acting + state.offset[2])
-        speed = received + disturbance_estimate(design, state)
+        speed = state.gain[0] * acting + remainder(design, state)
         if design.known:
             speed -= design.damping[0] * output_estimate(design, state)
         return speed - state.profile[1]

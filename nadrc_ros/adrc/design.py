@@ -80,6 +80,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     command_rate_limit: float
     safe_command: float
     input_delay: float
+    feed_forward_timeout: float
     measurement_min: float
     measurement_max: float
     measurement_period: float

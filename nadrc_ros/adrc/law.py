@@ -104,6 +104,9 @@ def step(
         if design.input_delay > 0.0:
             line = state.delay_line
             acting = pass_through(design.input_delay, line, acting, dt - known, out.delay_line)
+            if design.feed_forward_timeout > 0.0:
+                line = state.fed_line
+                pass_through(design.input_delay, line, before[2], dt - known, out.fed_line)
         if design.measurement_period > 0.0:
             copy_vector(state.angle, out.angle)
     if dt > design.max_dt:

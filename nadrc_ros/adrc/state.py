@@ -35,10 +35,11 @@ class State:
     or 0), that command, the reference it is held for, and how long the error was small [s].
     ``since_sample`` (2,) is the mean command of the ticks without a sample that followed the last
     one, and their time [s]. ``delay_line`` is what is on its way to a plant with dead time, empty
-    without one: see :mod:`~nadrc_ros.adrc.delay_line`. ``angle`` (3,) is of an angle: the last
-    reference received, nan before it, the equivalent of it that is followed, and the turns that
-    were taken off all of these. ``scratch`` (K + 2, N) remembers the observer gains of the last
-    time step: it changes the speed of a step, and nothing else.
+    without one: see :mod:`~nadrc_ros.adrc.delay_line`; ``fed_line`` is the feed-forward on its
+    way, if there may be any. ``angle`` (3,) is of an angle: the last reference received, nan
+    before it, the equivalent of it that is followed, and the turns that were taken off all of
+    these. ``scratch`` (K + 2, N) remembers the observer gains of the last time step: it changes
+    the speed of a step, and nothing else.
 
     With known dynamics (:mod:`~nadrc_ros.adrc.internal_model`) ``ripple`` (n+1,) is what a known
     vibration makes of y, ..., y^(n-1) at the samples under the command that cancels it, and by how
@@ -54,6 +55,7 @@ class State:
     resting: Vector
     since_sample: Vector
     delay_line: Vector
+    fed_line: Vector
     angle: Vector
     scratch: Matrix
     ripple: Vector
@@ -74,6 +76,7 @@ def blank_state(design: Design) -> State:
         [0.0, 0.0, 0.0, 0.0],
         [0.0, 0.0],
         blank_line(design.input_delay),
+        blank_line(design.input_delay if design.feed_forward_timeout > 0.0 else 0.0),
         [nan, 0.0, 0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
         [0.0] * (design.order + 1),
@@ -157,6 +160,7 @@ def copy_state(state: State, out: State) -> None:
     copy_vector(state.since_sample, out.since_sample)
     if len(state.delay_line) > 0:
         copy_line(state.delay_line, out.delay_line)
+        copy_line(state.fed_line, out.fed_line)
     copy_vector(state.angle, out.angle)
     copy_vector(state.ripple, out.ripple)
 
@@ -254,12 +258,17 @@ def disturbance_estimate(design: Design, state: State) -> float:
     """
     Return the estimate of L = y^(n) + sum_i a_i y^(i) - b0 u.
 
-    The sum of the levels, and what the feed-forward is there to cancel: -b0 times it.
+    What the feed-forward leaves of it, and what that is there to cancel: -b0 times what of it acts
+    by now.
     """
+    return remainder(design, state) - state.gain[0] * acting(state.fed_line, state.offset[2])
+
+
+def remainder(design: Design, state: State) -> float:
+    """Return the estimate of what the feed-forward leaves of L: the sum of the levels."""
     total = 0.0
     for k in range(design.levels):
         total += state.levels[k][design.order]
-    total -= state.gain[0] * state.offset[2]
     return total + reference_share(design, state.profile) if design.error_based else total
 
 

@@ -87,6 +87,9 @@ def tick(
         if design.input_delay > 0.0:
             line = out.delay_line
             acting = pass_through(design.input_delay, line, acting, elapsed, line)
+            if design.feed_forward_timeout > 0.0:
+                line = out.fed_line
+                pass_through(design.input_delay, line, state.offset[2], elapsed, line)
         average_command(out, acting, elapsed)
         command = _without_sample(design, out, feed_forward, sent, elapsed, downstream)
     elif elapsed < span and status <= SATURATED:

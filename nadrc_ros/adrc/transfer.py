@@ -88,9 +88,13 @@ def retune(
     after.smoothed[:] = state.smoothed
     after.since_sample[:] = state.since_sample
     if old.input_delay > 0.0 and new.input_delay > 0.0:  # cut, if it is too long
-        pass_through(new.input_delay, state.delay_line, driving, 0.0, after.delay_line)
-        if new.input_delay > old.input_delay:
-            merge_short(new.input_delay, after.delay_line)
+        lines = [(state.delay_line, driving, after.delay_line)]
+        if new.feed_forward_timeout > 0.0:  # which is fixed
+            lines.append((state.fed_line, state.offset[2], after.fed_line))
+        for line, entering, out in lines:
+            pass_through(new.input_delay, line, entering, 0.0, out)
+            if new.input_delay > old.input_delay:
+                merge_short(new.input_delay, out)
     after.angle[:] = state.angle
     command = limit(old, raw_command(old, state), sent, dt, downstream)[0]
     _make_up(new, after, command, sent, dt, downstream, 1)
