@@ -29,7 +29,9 @@ def test_the_files_load_where_they_are_meant_to(tmp_path: Path) -> None:
     text = result.stdout
     for word in ('Herbst 2013', 'conventional', 'nested_2', 'Take ', 'filtered PID', 'ITAE'):
         assert word in text
-    assert 'if reference/rate and reference/acceleration come too' in ' '.join(text.split())
+    assert 'if reference/rate and reference/acceleration come too' in ' '.join(
+        result.output.split()
+    )
     document = json.loads((out / 'design.json').read_text())
     chosen = document['chosen']
     (parameters,) = (node['ros__parameters'] for node in _yaml(out / 'design.yaml').values())
@@ -47,9 +49,9 @@ def test_the_files_load_where_they_are_meant_to(tmp_path: Path) -> None:
     (
         ((), 2, 'settling-time'),
         (('--settling-time', 'soon'), 2, 'settling-time'),
-        (('--settling-time', -1), 1, 'nadrc: settling_time = -1.0: must be'),
-        ((*ASKED, '--b0', 0), 1, 'nadrc: b0 = 0.0: must be'),
-        ((*ASKED, '--structure', 'nestled'), 1, "nadrc: structure = 'nestled': must be one of"),
+        (('--settling-time', -1), 1, 'error: --settling-time = -1.0: must be'),
+        ((*ASKED, '--b0', 0), 1, 'error: --b0 = 0.0: must be'),
+        ((*ASKED, '--structure', 'nestled'), 1, "error: --structure = 'nestled': must be one of"),
         ((*ASKED, '--rate', 20), 1, 'possible: a settling time of at least'),
     ),
 )

@@ -27,7 +27,7 @@ def test_ctrl_c_is_known_in_whatever_disguise(
     with pytest.raises(typer.Exit) as ended, reporting(), reporting(after_interrupt='all is kept'):
         disguised(error)
     assert ended.value.exit_code == 130
-    assert capsys.readouterr().err == 'nadrc: interrupted: all is kept\n'
+    assert capsys.readouterr().err == 'error: interrupted: all is kept\n'
 
 
 @pytest.mark.parametrize('error', [UserError('no'), FileNotFoundError(2, 'no', 'it')])

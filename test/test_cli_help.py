@@ -26,7 +26,9 @@ def test_the_help_of_a_command_shows_an_example(name: str) -> None:
 def test_an_unknown_option_is_a_mistake_of_usage(name: str) -> None:
     refused = nadrc(name, '--no-such-option')
     assert refused.exit_code == 2
-    assert 'No such option' in refused.output and 'Traceback' not in refused.output
+    assert (
+        'no such option: --no-such-option' in refused.output and 'Traceback' not in refused.output
+    )
 
 
 def test_a_command_that_does_not_exist_is_named() -> None:

@@ -227,7 +227,7 @@ def test_nonsense_is_refused_in_one_line_and_leaves_no_file(run: Path, tmp_path:
         assert done.exit_code == 1 and str(path) in done.output
         assert len(done.output.splitlines()) == 1 and not out.exists()
     for b0 in (0, 'nan'):
-        assert 'nadrc: b0 = ' in nadrc('identify', run, '--b0', b0).output
+        assert 'error: --b0 = ' in nadrc('identify', run, '--b0', b0).output
     assert nadrc('identify', run, '--order', 7).exit_code == 2
     assert nadrc('identify', run, '--namespace', 'x').exit_code == 1
     done = nadrc('identify', run, '--order', 1, '--json', tmp_path / 'no' / 'f.json')

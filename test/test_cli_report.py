@@ -170,7 +170,7 @@ def test_hostile_files_are_named_in_one_line(tmp_path: Path) -> None:
         (run / name).write_text(content)
         done = nadrc('report', run)
         assert done.exit_code == 1
-        assert done.output.startswith(f'nadrc: {run}: {name}')
+        assert done.output.startswith(f'error: {run}: {name}')
         assert done.output.count('\n') == 1
         assert not (run / 'report.html').exists()
         (run / name).unlink()

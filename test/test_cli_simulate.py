@@ -130,14 +130,16 @@ def test_an_error_in_the_file_is_one_line_with_its_name(
     scenario.write_text(SCENARIO.replace(old, new))
     done = run('simulate', scenario)
     assert (done.returncode, done.stdout) == (1, '')
-    assert done.stderr.startswith(f'nadrc: {scenario}: {message}')
+    assert done.stderr.startswith(f'error: {scenario}: {message}')
     assert done.stderr.count('\n') == 1
 
 
 def test_an_error_in_an_option_is_one_line(scenario: Path) -> None:
     done = run('simulate', scenario, '--rate', '-5')
     assert done.returncode == 1
-    assert done.stderr == ('nadrc: rate = -5.0: must be a finite number from 0.001 to 100000 Hz\n')
+    assert done.stderr == (
+        'error: --rate = -5.0: must be a finite number from 0.001 to 100000 Hz\n'
+    )
 
 
 def test_a_plant_that_fails_in_the_run_is_told_by_its_line(scenario: Path) -> None:
@@ -171,7 +173,7 @@ def test_a_plant_that_runs_away_is_told_and_gives_finite_figures(scenario: Path)
     out, picture = scenario.with_name('out.json'), scenario.with_name('out.png')
     done = run('simulate', scenario, '--json', out, '--plot', picture)
     assert done.returncode == 0
-    assert 'nadrc: nested: the plant diverged at 1.' in done.stderr
+    assert 'warning: nested: the plant diverged at 1.' in done.stderr
     assert 'Traceback' not in done.stderr and 'Warning' not in done.stderr
     assert json.loads(out.read_text())['runs']['nested']['skipped'] > 0
     assert picture.exists()
@@ -189,7 +191,7 @@ def test_where_nothing_can_be_written_is_told(
         with pytest.raises(SystemExit) as ended:
             app(['simulate', str(scenario), option, str(file)])
         assert ended.value.code == 1
-        assert capsys.readouterr().err == f'nadrc: {said}\n'
+        assert capsys.readouterr().err == f'error: {said}\n'
 
 
 def test_usage_errors_are_those_of_the_command_line(scenario: Path) -> None:

@@ -237,7 +237,7 @@ def test_a_worker_that_is_killed_ends_it_with_what_is_done(file: Path, tmp_path:
             os.kill(int(child), signal.SIGKILL)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
-    assert re.fullmatch(r'nadrc: the workers are gone: \d+ of 128 runs are kept; .*\n', errors)
+    assert re.fullmatch(r'error: the workers are gone: \d+ of 128 runs are kept; .*\n', errors)
 
 
 @pytest.mark.parametrize('name', ['out.csv', 'out.parquet'])
@@ -310,7 +310,7 @@ def test_a_bad_value_is_named_with_the_file(file: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text().replace('0.25', '1e99'))
     done = nadrc(file, '--table', tmp_path / 'out.csv')
     assert done.exit_code == 1
-    assert done.output.startswith(f'nadrc: {file}: plant.a3 = 1e+99: must be')
+    assert done.output.startswith(f'error: {file}: plant.a3 = 1e+99: must be')
     assert len(done.output.splitlines()) == 1
     assert os.listdir(tmp_path) == [file.name]
 
@@ -327,7 +327,9 @@ def test_progress_is_written_now_and_then(
     with ThreadPoolExecutor(1) as executor:
         _fill(table, sweep, executor, False, extent.periods)
     table.close()
-    assert capsys.readouterr().err == ('nadrc: 100 of 200 runs\nnadrc: 200 of 200 runs\n')
+    assert capsys.readouterr().err == (
+        'note: sweeping, runs: 100 of 200\nnote: sweeping, runs: 200 of 200\n'
+    )
 
 
 def test_help_has_an_example() -> None:

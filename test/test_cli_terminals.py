@@ -71,7 +71,7 @@ def test_a_full_disk_behind_the_output_is_one_line(arguments: tuple[str, ...]) -
     with Path('/dev/full').open('w') as full:
         done = nadrc(*arguments, stdout=full.fileno())
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == 'nadrc: output: No space left on device'
+    assert done.stderr.splitlines()[-1] == 'error: output: No space left on device'
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_an_output_that_cannot_be_is_named_by_what_was_asked_for(where: str) -> 
     ):
         done = CliRunner().invoke(app, arguments)
         last = done.output.splitlines()[-1]
-        assert done.exit_code == 1 and last.startswith('nadrc: ' + where.removesuffix('/x')), last
+        assert done.exit_code == 1 and last.startswith('error: ' + where.removesuffix('/x')), last
         assert '.part' not in last and 'Errno' not in last
 
 
@@ -137,12 +137,12 @@ def test_seconds_are_told_to_a_tenth_and_runs_in_full(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr('nadrc_ros.cli.progress._EVERY', 0.0)
-    with progress('s of the run', 9.0) as tell:
-        tell(2.94421, '')
-    with progress('runs', 2e6) as tell:
+    with progress('running', 9.0, unit='s') as tell:
+        tell(2.94421, 'ITAE 3')
+    with progress('trying designs', 2e6) as tell:
         tell(1_234_567, '')
     assert capsys.readouterr().err == (
-        'nadrc: 2.9 of 9 s of the run\nnadrc: 1234567 of 2000000 runs\n'
+        'note: running: 2.9 of 9 s, ITAE 3\nnote: trying designs: 1234567 of 2000000\n'
     )
 
 

@@ -154,12 +154,12 @@ def _wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
     ('arguments', 'said'),
     [
         (('--controller', 'fuzzy'), '--controller = '),
-        (('--vary', 'speed=1:2'), 'vary.speed: there is no such key'),
-        (('--vary', 'b0=2'), 'b0 = '),
-        (('--b0-spread', 'much'), 'b0_spread = '),
+        (('--vary', 'speed=1:2'), '--vary speed: there is no such key'),
+        (('--vary', 'b0=2'), '--vary b0 = '),
+        (('--b0-spread', 'much'), '--b0-spread = '),
         (('--plant', 'mass=1:2'), 'mass'),
-        (('--budget', '-3'), 'budget = '),
-        (('--sampler', 'bfo'), 'sampler = '),
+        (('--budget', '-3'), '--budget = '),
+        (('--sampler', 'bfo'), '--sampler = '),
         (('--sampler', 'pso'), 'nsga2 without a budget'),
         (('--settings', 'nowhere.yaml'), 'cannot be read'),
         (('--storage', 'nosql://x'), '--storage nosql://x'),
@@ -171,7 +171,7 @@ def test_nonsense_is_one_line(
     done = nadrc(file, *SMALL, *arguments, '--out', tmp_path / 'out')
     assert done.exit_code == 1
     lines = [line for line in done.output.splitlines() if 'retune' not in line]
-    assert len(lines) == 1 and lines[0].startswith('nadrc: ') and said in lines[0]
+    assert len(lines) == 1 and lines[0].startswith('error: ') and said in lines[0]
 
 
 def test_options_may_come_from_a_file(file: Path, tmp_path: Path) -> None:

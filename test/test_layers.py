@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'nadrc_ros'
 LIMIT = 400
-FILES = {'atomic', 'extras', 'parameter_file', 'yaml_text'}
+FILES = {'atomic', 'extras', 'parameter_file', 'terminal', 'yaml_text'}
 # Floor -> the floors of this package that it may import from; FILES are for all but the first two.
 ARROWS = {
     'adrc': set(),

@@ -30,7 +30,10 @@ class SettingError(UserError):
 
     def inside(self, path: str) -> SettingError:
         """Return the same error with ``name`` placed below ``path``."""
-        name = f'{path}.{self.name}' if path else self.name
+        return self.called(f'{path}.{self.name}' if path else self.name)
+
+    def called(self, name: str) -> SettingError:
+        """Return the same error under another name."""
         return type(self)(name, self.value, self.allowed)
 
 

@@ -23,12 +23,12 @@ def main() -> None:
     try:
         from nadrc_ros.cli.app import app
 
-        app()
+        app(prog_name='nadrc')
     except (Exception, KeyboardInterrupt) as error:  # while the modules were being imported
         if interrupted(error):
             sys.exit(130)
         if isinstance(error, OSError):  # a full disk behind >
-            sys.exit(f'nadrc: output: {error.strerror}')
+            sys.exit(f'error: output: {error.strerror}')
         raise
 
 

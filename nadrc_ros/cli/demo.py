@@ -1,11 +1,11 @@
 """`nadrc demo`: a scenario as real processes on the ROS graph."""
 
 from pathlib import Path
-from shlex import join
 from typing import Annotated, Any, TYPE_CHECKING
 
 from nadrc_ros.cli import called, options
-from nadrc_ros.cli.failure import complain, reporting, tell_divergence, USER_ERROR
+from nadrc_ros.cli.failure import reporting, tell_divergence, USER_ERROR
+from nadrc_ros.cli.messages import error, note, say, say_command, warning
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -62,7 +62,7 @@ def demo(
             whole, duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
         )
         domain = private_domain(keep=True)
-        typer.echo(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
+        say(f'ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST')
         out.mkdir(parents=True, exist_ok=True)
         if lockstep:
             runs = _in_lockstep(scenario, out)
@@ -76,10 +76,8 @@ def demo(
         _print_table(path.stem, scenario, runs)
         _write_picture(out / 'demo.png', path.stem, scenario, recorded)
         _write_summary(out / 'summary.json', path.stem, lockstep, scenario, runs)
-        typer.echo(f'picture {out / "demo.png"}, figures {out / "summary.json"}')
-        typer.echo(
-            f'more in: {join([called(), "report", *(str(r.folder) for r in runs.values())])}'
-        )
+        say(f'picture {out / "demo.png"}, figures {out / "summary.json"}')
+        say_command([called(), 'report', *(str(r.folder) for r in runs.values())], 'more in: ')
         if lockstep:
             _compare(scenario, runs)
 
@@ -87,7 +85,7 @@ def demo(
 def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str, Run]':
     from nadrc_ros.demo.run import run_realtime
 
-    with progress('s of the run', scenario.duration) as tell:
+    with progress('running', scenario.duration, unit='s') as tell:
 
         def show(now: float, itae: dict[str, float]) -> None:
             shown = '  '.join(f'{name} {value:.3f}' for name, value in sorted(itae.items()))
@@ -99,20 +97,20 @@ def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str
 def _wait_for_ctrl_c() -> None:
     import time
 
-    typer.echo('the nodes go on until Ctrl-C')
+    note('the nodes go on until Ctrl-C')
     try:
         while True:
             time.sleep(0.2)
     except KeyboardInterrupt:
-        typer.echo('stopping')
+        note('stopping')
 
 
 def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':
     from nadrc_ros.demo.run import run_lockstep
 
     for retune in scenario.retunes:
-        complain(f'lockstep: the retune at {retune.time:g} s is left out')
-    return run_lockstep(scenario, out, lambda name: typer.echo(f'{name}: running in lockstep ...'))
+        warning(f'lockstep: the retune at {retune.time:g} s is left out')
+    return run_lockstep(scenario, out, lambda name: note(f'{name}: running in lockstep ...'))
 
 
 def _figures(run: 'Run') -> dict[str, Any]:
@@ -211,6 +209,8 @@ def _compare(scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
     offline = attrs.evolve(scenario, retunes=())
     for name, run in runs.items():
         same = list(offline.run(name).command) == run.samples['command']
-        typer.echo(f'{name}: {"the same bits as" if same else "NOT THE BITS of"} the simulation')
-        if not same:
+        if same:
+            say(f'{name}: the same bits as the simulation')
+        else:
+            error(f'{name}: NOT THE BITS of the simulation')
             raise typer.Exit(USER_ERROR)

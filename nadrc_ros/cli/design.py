@@ -4,7 +4,8 @@
 from pathlib import Path
 from typing import Annotated, Any, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import note, say, warning
 from nadrc_ros.cli.options import check_outputs, fields, takes
 from nadrc_ros.tuning.design.requirements import Requirements
 import typer
@@ -42,7 +43,7 @@ def design(
         expected = found.expected()
         _print(found, expected)
         if found.warning:
-            complain(found.warning)
+            warning(found.warning)
         if out is not None:
             _write(out, found, expected)
 
@@ -141,6 +142,6 @@ def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> 
     write_whole(out / 'scenario.yaml', dump(found.scenario).encode())
     write_whole(out / 'bode.png', render(figure, 'png'))
     write_json(out / 'design.json', 'design', found.document(expected))
-    typer.echo(f'{out}: design.yaml, scenario.yaml, bode.png, design.json')
+    say(f'{out}: design.yaml, scenario.yaml, bode.png, design.json')
     if remark := about_reference(found.chosen.settings):
-        typer.echo(f'{out / "design.yaml"}: {remark}')
+        note(f'{out / "design.yaml"}: {remark}')

@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 from nadrc_ros.cli import interrupted
+from nadrc_ros.cli.messages import error, warning
 import typer
 
 if TYPE_CHECKING:
+    from nadrc_ros.adrc.errors import SettingError
     from nadrc_ros.records.recorded_run import Array
 
 USER_ERROR = 1
+USAGE_ERROR = 2
 INTERRUPTED = 130
+
+
+# The options that were typed, by the names of what they set.
+_typed: ContextVar[Mapping[str, str]] = ContextVar('typed')
+
+
+@contextmanager
+def naming(options: Mapping[str, str]) -> Iterator[None]:
+    """Let errors about a setting name the option that was typed for it."""
+    token = _typed.set(options)
+    try:
+        yield
+    finally:
+        _typed.reset(token)
 
 
 @contextmanager
@@ -24,23 +42,31 @@ def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
     Exit codes: 1 for an error of the user, and 130 for Ctrl-C, when ``after_interrupt`` is said.
     Anything else is a bug and keeps its traceback.
     """
-    from nadrc_ros.adrc.errors import UserError
+    from nadrc_ros.adrc.errors import SettingError, UserError
 
     try:
         yield
     except (typer.Exit, BrokenPipeError):
         raise  # nobody reads on: typer ends silently
-    except (Exception, KeyboardInterrupt) as error:
-        if interrupted(error):
-            complain(f'interrupted: {after_interrupt}' if after_interrupt else 'interrupted')
+    except (Exception, KeyboardInterrupt) as failure:
+        if interrupted(failure):
+            error(f'interrupted: {after_interrupt}' if after_interrupt else 'interrupted')
             raise typer.Exit(INTERRUPTED) from None
-        if isinstance(error, UserError):
-            complain(f'{file}: {error}' if file else str(error))
-        elif isinstance(error, OSError):
-            complain(f'{error.filename or "output"}: {error.strerror or error}')
+        if isinstance(failure, SettingError) and not file:
+            error(_as_typed(failure))
+        elif isinstance(failure, UserError):
+            error(f'{file}: {failure}' if file else str(failure))
+        elif isinstance(failure, OSError):
+            error(f'{failure.filename or "output"}: {failure.strerror or failure}')
         else:
             raise
         raise typer.Exit(USER_ERROR) from None
+
+
+def _as_typed(failure: SettingError) -> str:
+    name, _, inner = failure.name.partition('.')
+    option = _typed.get({}).get(name)
+    return str(failure) if option is None else str(failure.called(f'{option} {inner}'.strip()))
 
 
 def tell_divergence(name: str, time: Array, output: Array) -> None:
@@ -49,9 +75,4 @@ def tell_divergence(name: str, time: Array, output: Array) -> None:
 
     lost = time[~np.isfinite(output)]
     when = f' at {lost[0]:g} s' if lost.size else ''
-    complain(f'{name}: the plant diverged{when}; the figures are of the time before')
-
-
-def complain(message: str) -> None:
-    """Write one line to stderr."""
-    typer.echo(f'nadrc: {message}', err=True)
+    warning(f'{name}: the plant diverged{when}; the figures are of the time before')

@@ -2,12 +2,14 @@
 
 # ruff: noqa: UP045
 from pathlib import Path
+from shlex import split
 from typing import Annotated, Optional, TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.cli import options
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import note, say, say_command, warning
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -103,12 +105,14 @@ def identify(
             _write_parameters(out / _PARAMETERS, advice, recorded.rate)
             budget = _write_scenario(out / _SCENARIO, plant, log, advice)
         for line in _verdict(plant, advice, b0):
-            typer.echo(line)
+            say(line)
         if out is not None:
-            typer.echo(f'{out}: {_PARAMETERS}, {_SCENARIO}, identify.json')
-        typer.echo(f'Next: {advice.line} --out {"mine" if out is None else out / "design"}')
+            say(f'{out}: {_PARAMETERS}, {_SCENARIO}, identify.json')
+        designed = 'mine' if out is None else str(out / 'design')
+        say_command([*split(advice.line), '--out', designed], 'Next: ')
         if out is not None:
-            typer.echo(f'Then: nadrc tune {out / _SCENARIO} --budget {budget:g}')
+            budgeted = '--budget', f'{budget:g}'
+            say_command(['nadrc', 'tune', str(out / _SCENARIO), *budgeted], 'Then: ')
         _complain(run, plant, advice, log, out and out / _PARAMETERS)
 
 
@@ -125,19 +129,19 @@ def _prepared(
         recorded = attrs.evolve(recorded, columns=unwrapped(recorded.columns, wrap))
     recorded, wrong = without_outliers(recorded)
     if wrong:
-        complain(f'{run}: {wrong}')
+        warning(f'{run}: {wrong}')
     if wrap is None:
         _refuse_wrapped(recorded)
     thin, kept = thinned(recorded, _MOST_ROWS, every)
     if kept > 1:
-        complain(
+        note(
             f'{run}: every {kept} rows count as one, {thin.rate:.4g} Hz'
             + ('' if every else '; --every 1 uses all of them')
         )
     log = log_of(thin)
     swapped = SWAPPED if seems_swapped(log) else ''
     if swapped:
-        complain(f'{run}: {swapped}')
+        warning(f'{run}: {swapped}')
     return recorded, log, kept, [doubt for doubt in (wrong, swapped) if doubt]
 
 
@@ -180,14 +184,14 @@ def _complain(
     from nadrc_ros.scenario.parameter_files import about_reference
 
     if not advice.limits_known:
-        complain(f'{run}: {_guess(advice, log)}')
+        warning(f'{run}: {_guess(advice, log)}')
         if out is not None:
             *first, last = _ONLY_THE_CONTROLLER_KNOWS
-            complain(f'{out}: without {", ".join(first)} and {last}: set them before it runs')
+            warning(f'{out}: without {", ".join(first)} and {last}: set them before it runs')
     for doubt in plant.doubts:
-        complain(f'{run}: {doubt}')
+        warning(f'{run}: {doubt}')
     if out is not None and (remark := about_reference(advice.settings)):
-        typer.echo(f'{out}: {remark}')
+        note(f'{out}: {remark}')
 
 
 def _guess(advice: 'Advice', log: 'Log') -> str:

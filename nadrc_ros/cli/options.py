@@ -14,7 +14,8 @@ from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.fields import Declared, declared
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import note, warning
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -109,7 +110,7 @@ def _described(field: Declared, unset: bool) -> Any:
     said = f' (default {default})' if unset else ''
     text = f'{field.description[0].upper()}{field.description[1:]}{choices}{unit}{said}.'
     kind = _KINDS[field.kind]
-    option = typer.Option(help=text.replace('[', '\\['))
+    option = typer.Option(help=text)
     return Annotated[Optional[kind] if unset else kind, option]
 
 
@@ -129,7 +130,7 @@ class Log(NamedTuple):
             runs = read_runs(paths, source, self.begin, self.end)
         for run in runs.values():
             if run.told:
-                complain(f'{run.path}: {run.told}')
+                note(f'{run.path}: {run.told}')
         return runs
 
 
@@ -171,7 +172,7 @@ def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
     scenario = whole.changed(**options)
     for retune in whole.retunes:
         if retune not in scenario.retunes:
-            complain(f'the retune at {retune.time:g} s lies after the end and is left out')
+            warning(f'the retune at {retune.time:g} s lies after the end and is left out')
     return scenario
 
 

@@ -5,38 +5,57 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Optional
 
-from nadrc_ros.cli.failure import complain
+from nadrc_ros.cli.messages import note as say_note
 
 # Without a terminal, a line that often [s]; what is done sooner needs no sign of life.
 _EVERY = 10.0
+_BAR = 20
+# What the bar, the time that remains and the gaps take.
+_ROOM_TAKEN = _BAR + len(' 0:00:00 ') + 4
 # Takes how many are done, and a note.
 Tell = Callable[[float, str], None]
 
 
 @contextmanager
-def progress(what: str, total: Optional[float] = None, done: float = 0) -> Iterator[Tell]:
-    """Show that something goes on; give what shows how many of ``total`` are done."""
+def progress(
+    what: str, total: Optional[float] = None, done: float = 0, unit: str = ''
+) -> Iterator[Tell]:
+    """Show what goes on; give what shows how many of ``total`` are done."""
     from rich import progress as rich
     from rich.console import Console
 
     console = Console(stderr=True)
-    if not console.is_terminal:
-        with _lines(what, total) as tell:
+    if not console.is_terminal or console.is_dumb_terminal:
+        with _lines(what, total, unit) as tell:
             yield tell
         return
+    about = rich.TextColumn('{task.description}', markup=False)
     if total is None:
-        about = rich.TextColumn('{task.description}', markup=False)
         columns = [rich.SpinnerColumn(), about, rich.TimeElapsedColumn()]
     else:
-        note = rich.TextColumn('{task.fields[note]}', markup=False)
-        columns = [*rich.Progress.get_default_columns(), rich.MofNCompleteColumn(), note]
+        shown = rich.TextColumn('{task.fields[shown]}', markup=False)
+        columns = [about, rich.BarColumn(_BAR), shown, rich.TimeRemainingColumn()]
     with rich.Progress(*columns, console=console, transient=total is None) as bar:
-        task = bar.add_task(what, total=total, completed=int(done), note='')
-        yield lambda done, note: bar.update(task, completed=done, note=note)
+        begin = '' if total is None else _count(done, total, unit)
+        task = bar.add_task(what, total=total, completed=int(done), shown=begin)
+
+        def show(now: float, note: str) -> None:
+            assert total is not None
+            shown = _count(now, total, unit)
+            # A note that would be broken is left out.
+            if len(what) + len(shown) + len(note) + _ROOM_TAKEN <= console.width:
+                shown += f'  {note}'
+            bar.update(task, completed=now, shown=shown)
+
+        yield show
+
+
+def _count(done: float, total: float, unit: str) -> str:
+    return f'{round(done, 1):.9g} of {total:.9g} {unit}'.rstrip()
 
 
 @contextmanager
-def _lines(what: str, total: Optional[float]) -> Iterator[Tell]:
+def _lines(what: str, total: Optional[float], unit: str) -> Iterator[Tell]:
     from threading import Event, Thread
     from time import monotonic
 
@@ -45,13 +64,15 @@ def _lines(what: str, total: Optional[float]) -> Iterator[Tell]:
 
     def tell(done: float, note: str) -> None:
         nonlocal last
+        assert total is not None
         if monotonic() - last >= _EVERY:
             last = monotonic()
-            complain(f'{round(done, 1):.9g} of {total:.9g} {what}' + (f', {note}' if note else ''))
+            more = f', {note}' if note else ''
+            say_note(f'{what}: {_count(done, total, unit)}{more}')
 
     def tell_that_it_goes_on() -> None:
         while not over.wait(_EVERY):
-            complain(f'{what}, {monotonic() - start:.0f} s')
+            say_note(f'{what}: {monotonic() - start:.0f} s')
 
     if total is None:
         Thread(target=tell_that_it_goes_on, daemon=True).start()

@@ -6,6 +6,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import say
 import typer
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def report(
 
         path = page or _beside(runs)
         write_whole(path, page_of(found).encode())
-        typer.echo(f'report {path}')
+        say(f'report {path}')
 
 
 def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:
@@ -73,7 +74,7 @@ def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:
     marks = [each.mark() for each in numbered({name: run.changes for name, run in runs.items()})]
     figure = draw(runs, title_of(runs), marks)
     write_whole(path, render(figure, path.suffix.lstrip('.')))
-    typer.echo(f'picture {path}')
+    say(f'picture {path}')
 
 
 def _beside(runs: list[Path]) -> Path:

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import say, warning
 import typer
 
 
@@ -27,16 +28,16 @@ def summarise(
 
         content = summarise(run)
         if content['complete'] is False:
-            complain(f'{run}: the last row was cut short and is left out')
+            warning(f'{run}: the last row was cut short and is left out')
         if gap := content['gap_time']:
-            complain(f'{run}: no rows for {gap:.3g} s; no figure counts this time')
+            warning(f'{run}: no rows for {gap:.3g} s; no figure counts this time')
         print_figures_of_merit(
             f'{run}, {content["rows"]} rows',
             {'': MetricValues(**content['metrics'])},
             read_settings(run).settle_time,
         )
         if read_summary(run).get('complete') is True:
-            typer.echo(f"{run / SUMMARY} is the recorder's own and stays")
+            say(f"{run / SUMMARY} is the recorder's own and stays")
             return
         write_json(run / SUMMARY, 'summary', content)
-        typer.echo(f'summary {run / SUMMARY}')
+        say(f'summary {run / SUMMARY}')

@@ -5,7 +5,8 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import complain, INTERRUPTED, reporting, USER_ERROR
+from nadrc_ros.cli.failure import INTERRUPTED, reporting, USER_ERROR
+from nadrc_ros.cli.messages import error, note, say
 from nadrc_ros.cli.options import check_outputs
 from nadrc_ros.cli.progress import progress
 import typer
@@ -57,9 +58,9 @@ def sweep(
                 with cluster(dask) if dask else processes(jobs) as executor:
                     _fill(rows, wanted, executor, fast, extent.periods)
             rows.finish()
-        except (KeyboardInterrupt, BrokenExecutor, CancelledError) as error:
-            interrupted = isinstance(error, KeyboardInterrupt)
-            complain(
+        except (KeyboardInterrupt, BrokenExecutor, CancelledError) as ended:
+            interrupted = isinstance(ended, KeyboardInterrupt)
+            error(
                 f'{"interrupted" if interrupted else "the workers are gone"}: '
                 f'{rows.done} of {rows.runs} runs are kept; '
                 'the same command goes on from there'
@@ -67,7 +68,7 @@ def sweep(
             raise typer.Exit(INTERRUPTED if interrupted else USER_ERROR) from None
         finally:
             rows.close()
-        typer.echo(f'{rows.runs} runs in {path}')
+        say(f'{rows.runs} runs in {path}')
 
 
 def _fill(
@@ -78,10 +79,10 @@ def _fill(
 
     size = batch_size(table.runs, periods, fast)
     tasks = (
-        (wanted, start, min(start + size, table.runs), fast, complain)
+        (wanted, start, min(start + size, table.runs), fast, note)
         for start in range(table.done, table.runs, size)
     )
-    with progress('runs', table.runs, table.done) as tell:
+    with progress('sweeping, runs', table.runs, table.done) as tell:
         for found in stream(executor, run_range, tasks):
             table.append(found)
             tell(table.done, '')

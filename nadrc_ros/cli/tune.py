@@ -6,7 +6,8 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 import attrs
 from nadrc_ros.adrc.fields import build
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import note, say, warning
 from nadrc_ros.cli.options import check_outputs, fields, ScenarioFile, takes
 from nadrc_ros.cli.progress import progress
 from nadrc_ros.tuning.search.settings import TuneSettings
@@ -100,7 +101,7 @@ def tune(
 def _bare(scenario: 'Scenario') -> 'Scenario':
     """Leave retunes out: what is tuned would be overwritten by them."""
     for retune in scenario.retunes:
-        complain(f'the retune at {retune.time:g} s is ignored: it would overwrite what is tuned')
+        warning(f'the retune at {retune.time:g} s is ignored: it would overwrite what is tuned')
     return attrs.evolve(scenario, retunes=())
 
 
@@ -162,7 +163,7 @@ def _studies(
     for name in names:
         experiment = scenario.experiment
         periods = tuning.trials * tuning.seeds * experiment.steps
-        fast = kernel_of(experiment, periods, None, complain) is not None
+        fast = kernel_of(experiment, periods, None, note) is not None
         judge = Judge(scenario, name, tuning, fast)
         varied = variables(
             judge.settings, tuning.vary, scenario.rate, scenario.duration, tuning.largest_wh
@@ -170,7 +171,7 @@ def _studies(
         assert judge.corners  # refuses a bad end before anything is run
         found[name] = TuningStudy(judge, varied, storage, name, worker)
     if not scenario.noise.variance:
-        complain('there is no noise: effort costs little, and bandwidths grow to what is allowed')
+        warning('there is no noise: effort costs little, and bandwidths grow to what is allowed')
     return found
 
 
@@ -183,7 +184,7 @@ def _search(studies: 'list[TuningStudy]', jobs: Optional[int]) -> None:
         return
     for study in going:
         if study.total > study.tuning.trials:
-            complain(
+            note(
                 f'{study.label}: {study.total} designs, not {study.tuning.trials}: the first '
                 f'generation has {study.first}, each later one {study.tuning.population}'
             )
@@ -191,7 +192,7 @@ def _search(studies: 'list[TuningStudy]', jobs: Optional[int]) -> None:
     # Compiled runs need no process each, and one by one they need no other process.
     in_threads = jobs == 1 or all(study.judge.compiled for study in going)
     workers = threads(jobs) if in_threads else processes(jobs)
-    with progress('designs', total, done) as tell, workers as executor:
+    with progress('trying designs', total, done) as tell, workers as executor:
         run_studies(going, executor, tell)
 
 
@@ -221,12 +222,12 @@ def _finish(
     for one in found:
         _print_front(one, tuning)
     _print_table(title, found)
-    typer.echo(f'tuned scenario {folder / "scenario.yaml"}')
+    say(f'tuned scenario {folder / "scenario.yaml"}')
     for one in found:
-        typer.echo(f'ROS parameters {folder / one.name}.yaml')
+        say(f'ROS parameters {folder / one.name}.yaml')
     for remark in {about_reference(one.settings) for one in found} - {''}:
-        typer.echo(remark)
-    typer.echo(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
+        note(remark)
+    say(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
 
 
 def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:

@@ -4,7 +4,8 @@
 from pathlib import Path
 from typing import Annotated, Optional, TYPE_CHECKING
 
-from nadrc_ros.cli.failure import complain, reporting
+from nadrc_ros.cli.failure import reporting
+from nadrc_ros.cli.messages import error
 import typer
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ def fields(
     topic: Annotated[
         Optional[str], typer.Argument(help='The topic in a bag; by default all of them.')
     ] = None,
-    wait: Annotated[float, typer.Option(min=0.1, help='Longest wait for a message \\[s].')] = 5.0,
+    wait: Annotated[float, typer.Option(min=0.1, help='Longest wait for a message [s].')] = 5.0,
 ) -> None:
     """
     List every number in the messages of a topic, as an address with its present value.
@@ -57,7 +58,7 @@ def wire(
     namespace: Annotated[
         str, typer.Option(help='Where a controller of /** is, whose topics are relative.')
     ] = '',
-    seconds: Annotated[float, typer.Option(min=0.1, help='How long to listen \\[s].')] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.1, help='How long to listen [s].')] = 2.0,
 ) -> None:
     """
     Say what each signal of a controller would be now, against the running graph.
@@ -92,7 +93,7 @@ def wire(
                 typer.echo(_line(heard))
                 wrong += bool(heard.wrong)
     if wrong:
-        complain(f'{check}: {wrong} signal{"s" if wrong > 1 else ""} would not come')
+        error(f'{check}: {wrong} signal{"s" if wrong > 1 else ""} would not come')
         raise typer.Exit(1)
 
 

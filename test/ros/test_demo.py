@@ -132,5 +132,5 @@ def test_figures_of_a_plant_that_diverged_are_said_to_be_of_the_time_before(
         'demo', '-m', 'nadrc_ros.cli', 'demo', str(file), '--lockstep', '--out', out
     )
     assert process.end(120.0) == 0, process.said
-    said = 'nadrc: one: the plant diverged at 0.06 s; the figures are of the time before'
+    said = 'warning: one: the plant diverged at 0.06 s; the figures are of the time before'
     assert said in process.said

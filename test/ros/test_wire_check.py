@@ -125,9 +125,9 @@ def test_a_file_that_no_controller_would_take_is_told_once(tmp_path: Path) -> No
     wiring = {'wiring': {'measurment': '/x std_msgs/Float64 data'}}
     file = parameter_file(tmp_path / 'arm.yaml', {'/**/controller': wiring})
     code, said = nadrc('wire', '--check', str(file))
-    assert code == 1 and f'nadrc: {file}: wiring.measurment: there is no such key' in said
+    assert code == 1 and f'error: {file}: wiring.measurment: there is no such key' in said
     code, said = nadrc('wire', '--check', 'no.yaml')
-    assert (code, said) == (1, 'nadrc: no.yaml: cannot be read: No such file or directory\n')
+    assert (code, said) == (1, 'error: no.yaml: cannot be read: No such file or directory\n')
 
 
 def test_a_topic_that_is_not_there_is_told_with_those_that_are(arm: Probe) -> None:
