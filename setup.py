@@ -12,6 +12,8 @@ RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
 SITE = ['furo', 'myst-parser', 'sphinx']
 # The searches of `nadrc tune`: front, budget, swarm.
 TUNE = ['optuna>=5,<6', 'cmaes', 'pymoo']
+# The page of `nadrc report`.
+REPORT = ['bokeh>=3.7,<4', 'jinja2']
 # The machines of examples/mujoco.
 MUJOCO = ['mujoco']
 # The article of `make paper`.
@@ -71,7 +73,7 @@ setup(
         'speed': ['numba'],
         'sweep': ['dask[distributed]', 'pyarrow'],
         'bags': ['rosbags'],
-        'report': ['plotly'],
+        'report': REPORT,
         'mujoco': MUJOCO,
         'tune': TUNE,
         'test': [
@@ -83,7 +85,7 @@ setup(
             'dask[distributed]',
             'pyarrow',
             'rosbags',
-            'plotly',
+            *REPORT,
             *TUNE,
             *MUJOCO,
             *PAPER,

@@ -17,7 +17,7 @@ EXTRAS = {
     'tune': ('optuna>=5,<6', 'cmaes', 'pymoo'),
     'sweep': ('dask[distributed]', 'pyarrow'),
     'bags': ('rosbags',),
-    'report': ('plotly',),
+    'report': ('bokeh>=3.7,<4', 'jinja2'),
 }
 
 

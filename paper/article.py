@@ -10,7 +10,6 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from latex2mathml.converter import convert
 from markupsafe import Markup
-from nadrc_ros.report.markup import STYLE
 from paper import attribution
 from paper.published import TABLE_1
 from paper.section import Finding, Result, Section
@@ -49,7 +48,7 @@ def article(
             found={section.name: section.findings(results[section.name]) for section in chosen},
             pictures={**pictures, 'n_adrc': DIAGRAM.read_text(encoding='utf-8')},
             quick=quick,
-            style=Markup(STYLE),
+            style=Markup((HERE / 'article.css').read_text(encoding='utf-8')),
             numbers=LABELS,
             parts=attribution.LABELS,
             plausible=plausible,

@@ -15,7 +15,7 @@ from nadrc_ros.records.read_run import read_run
 from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.records.rows import Rows
 from nadrc_ros.report.picture import draw
-from nadrc_ros.report.plots import Plotter
+from nadrc_ros.report.traces import trace_of
 from nadrc_ros.scenario import loads
 import numpy as np
 import pytest
@@ -77,9 +77,10 @@ def test_a_recorded_angle_is_read_with_short_errors_and_drawn_as_it_turned(tmp_p
     np.testing.assert_allclose(run.error, REFERENCE - TURNING, atol=1e-12)
     assert run.metrics.max_error == pytest.approx(abs(run.error).max(), abs=1e-12)
     figure = draw({'it': run}, 'title')
-    plotted = Plotter({'it': run.unwrapped()}, []).output().figure
+    plotted = trace_of(run.unwrapped()).columns
     lines = [line.get_ydata() for line in figure.axes[0].get_lines()[:2]]
-    for values in (*lines, *(line.y for line in plotted.data)):
+    for line in (*lines, plotted['output'], plotted['reference']):
+        values = np.asarray(line, dtype=float)
         assert len(values) > 100 and abs(np.diff(values)).max() < 0.1
     assert read_run(recorded(tmp_path, TURN)).measurement_period == TURN
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64decode
-from html import unescape
+from functools import cached_property
 from html.parser import HTMLParser
 import json
 from math import nan
@@ -13,15 +13,21 @@ import sys
 from typing import Any
 
 from bag_helpers import write_bag
+from bokeh.document import Document
+from bokeh.models.annotations import BoxAnnotation, Label
 from nadrc_ros.cli.app import app
-from nadrc_ros.records.history import ABOUT, append_parameters, PARAMETERS
-from nadrc_ros.records.recording import RunSettings, SAMPLES, SUMMARY
+from nadrc_ros.records.history import ABOUT, append_event, append_parameters, Event, PARAMETERS
+from nadrc_ros.records.recording import read_samples, RunSettings, SAMPLES, SETTINGS, SUMMARY
+from nadrc_ros.report import page as page_module
+from nadrc_ros.report.tables import shown_together
 import numpy as np
 import pytest
 from report_helpers import describe, NOTHING, record, SIGNALS
 from typer.testing import CliRunner
 
-ORDER = 'figures changes output error command disturbance spectrum timing parameters origin'
+ORDER = 'figures changes plots disturbance spectrum timing parameters origin'
+# Elements without an end.
+VOID = {'meta', 'link', 'input', 'br', 'img', 'line'}
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)>"\'&'
 
 
@@ -33,28 +39,45 @@ class Page(HTMLParser):
         self.source = source
         self.text = ''
         self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.plots: list[dict[str, Any]] = []
         self._inside: list[str] = []
         self.feed(source)
+        found = re.search(r'id="data">(.*?)</script>', source, re.DOTALL)
+        assert found
+        self.data: dict[str, Any] = json.loads(found[1])
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
-        self._inside.append(tag if dict(attrs).get('type') is None else 'plot')
+        if tag not in VOID:
+            self._inside.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
         self._inside.pop()
 
     def handle_data(self, data: str) -> None:
-        if self._inside and self._inside[-1] == 'plot':
-            self.plots.append(json.loads(data))
-        elif self._inside and self._inside[-1] not in ('script', 'style'):
+        if self._inside and self._inside[-1] not in ('script', 'style'):
             self.text += data
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
 
-    def labels(self) -> set[str]:
-        return {unescape(line['name']) for plot in self.plots for line in plot['data']}
+    def column(self, name: str, run: int = 0) -> Any:
+        return np.frombuffer(b64decode(self.data['runs'][run]['columns'][name]), '<f8')
+
+    @cached_property
+    def models(self) -> list[Any]:
+        document = Document.from_json(self.data['document'])
+        return list(document.models)
+
+    def lines(self, name: str) -> list[Any]:
+        """Return the lines of a column."""
+        return [each for each in self.models if each.tags and each.tags[1] == name]
+
+    def labels(self) -> list[tuple[Any, Any]]:
+        return [(each.text, each.x) for each in self.models if isinstance(each, Label)]
+
+    def words(self) -> str:
+        """Return the text with one space between words."""
+        return ' '.join(self.text.split())
 
 
 def nadrc(*arguments: object) -> Any:
@@ -69,10 +92,6 @@ def report(*runs: Path, **options: Any) -> Page:
     return Page(out.read_text(encoding='utf-8'))
 
 
-def numbers(column: dict[str, str]) -> Any:
-    return np.frombuffer(b64decode(column['bdata']), column['dtype'])
-
-
 def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) -> None:
     run = record(tmp_path)
     describe(run, '/mine', b0=2.0)
@@ -80,50 +99,88 @@ def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) 
     page = report(run)
     metrics = json.loads((run / SUMMARY).read_text())['metrics']
     for name in ('itae', 'isu', 'iae', 'rmse', 'max_error', 'max_command'):
-        assert f'title="{metrics[name]!r}">{metrics[name]:.4g}<' in page.source, name
+        (text,) = shown_together(name, [metrics[name]])
+        assert f'title="{metrics[name]!r}">{text}<' in page.source, name
+        assert float(text) == pytest.approx(metrics[name], rel=1e-3)
     sections = [attrs['id'] for tag, attrs in page.tags if tag == 'h2']
     links = [(attrs['href'] or '')[1:] for tag, attrs in page.tags if tag == 'a']
-    assert sections == links
-    assert sections == ORDER.split()
-    assert 'mine (4 s at 100 Hz) ran on the plant paper' in page.text
-    assert 'Nothing was lost. There was one change of a parameter on the way.' in page.text
+    assert sections == links == ORDER.split()
+    assert '4 s at 100 Hz on the plant paper, started then.' in page.words()
+    assert 'Nothing was lost. One parameter was changed during the run.' in page.words()
     for text in ('inner_bandwidth', '55.5', str(2**63 - 1)):
         assert text in page.text
-    bandwidths = [mark['text'] for mark in page.plots[-3]['layout']['annotations']]
-    assert 'level 1: 55.5 rad/s' in bandwidths and 'controller: 4 rad/s' in bandwidths
-    assert {'reference', 'mine', 'truth', 'estimate', 'level 1', 'level 2'} <= page.labels()
-    timed = [plot for plot in page.plots if plot['layout'].get('hovermode') == 'x unified']
-    assert len(timed) == 4 and len(page.plots) == 7
-    assert all(plot['layout']['shapes'][0]['x0'] == 1.5 for plot in timed)
-    assert all(plot['layout']['xaxis']['range'] == [0.0, 3.99] for plot in timed)
+    assert 'Bandwidths: A controller 4 rad/s; B level 2 30 rad/s;' in page.words()
+    assert 'level 1 55.5 rad/s' in page.words()
+    for name in ('reference', 'output', 'measurement', 'error', 'command', 'truth', 'estimate'):
+        assert len(page.lines(name)) == 1, name
+    assert page.data['timed'] == [True] * 5 + [False] * 3
+    assert page.labels().count(('1', 1.5)) == 5
+    assert page.data['span'] == [0.0, 3.99]
+    captions = [attrs for tag, attrs in page.tags if attrs.get('role') == 'img']
+    assert len(captions) == page.text.count('time from') + 6 == 8
+    assert all(each['aria-label'] for each in captions)
+
+
+def test_every_sample_is_in_the_page_to_the_bit(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    page = report(run)
+    samples = read_samples(run)
+    for name in ('time', 'reference', 'output', 'measurement', 'command'):
+        np.testing.assert_array_equal(page.column(name), samples[name])
+    error = np.array(samples['reference']) - samples['output']
+    np.testing.assert_array_equal(page.column('error'), error)
+    miss = np.array(samples['disturbance_estimate']) - samples['total_disturbance']
+    np.testing.assert_array_equal(page.column('miss'), miss)
 
 
 def test_a_page_loads_nothing_and_is_not_large(tmp_path: Path) -> None:
-    page = report(record(tmp_path))
+    page = report(record(tmp_path, count=3000))
     for tag, attrs in page.tags:
         assert tag not in ('link', 'iframe', 'object', 'img') or attrs.get('href') == 'data:,'
         for name in ('src', 'srcset', 'href', 'action', 'poster', 'data'):
             assert (attrs.get(name) or '#').startswith(('#', 'data:')), (tag, attrs)
     own = re.sub(r'<script>.*?</script>', '', page.source, flags=re.DOTALL)
     assert not re.search(r'https?:|@import|url\(', own)
-    assert len(page.source) < 7e6
-    assert page.source.count('plotly.js v') == 1
-    # Plotly's button that uploads a plot is on by default
-    assert 'showSendToCloud: false' in page.source and "plotlyServerURL: ''" in page.source
+    assert len(page.source) < 2.5e6
+    assert page.source.count('* Copyright (c) Anaconda') == 1  # the library, once
 
 
-def test_a_long_run_is_thinned_to_its_peaks(tmp_path: Path) -> None:
-    run = record(tmp_path, count=40_000)
+def test_a_long_run_is_thinned_to_its_peaks_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = record(tmp_path, count=12_500)
     lines = (run / SAMPLES).read_text().splitlines(keepends=True)
-    peak = lines[12_346].split(',')
-    lines[12_346] = ','.join([*peak[:3], '123.25', *peak[4:]])
+    peak = lines[9_346].split(',')
+    lines[9_346] = ','.join([*peak[:3], '123.25', *peak[4:]])
     (run / SAMPLES).write_text(''.join(lines))
+    whole = report(run)
+    assert len(whole.column('time')) == 12_500 and 'is thinned' not in whole.text
+    monkeypatch.setattr(page_module, 'MOST_ROWS', 5_000)
     page = report(run)
-    assert len(page.source) < 10e6
-    (line,) = page.plots[2]['data']
-    times, commands = numbers(line['x']), numbers(line['y'])
-    assert len(times) == len(commands) < 30_000
-    assert times[commands.argmax()] == 123.45 and commands.max() == 123.25
+    times, commands = page.column('time'), page.column('command')
+    assert len(times) == len(commands) <= 5_000
+    assert times[commands.argmax()] == 93.45 and commands.max() == 123.25
+    assert re.search(r'is thinned: .* value of every \d+ rows are here', page.words())
+
+
+def test_lines_break_in_a_gap_that_is_shaded_with_its_cause(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    settings = json.loads((run / SETTINGS).read_text())
+    (run / SETTINGS).write_text(json.dumps(settings | {'rate': 0.0}))
+    lines = (run / SAMPLES).read_text().splitlines(keepends=True)
+    (run / SAMPLES).write_text(''.join(lines[:101] + lines[301:]))
+    append_event(run, Event(1.0, '/recorder', 'gap', 'no measurement for 2.01 s: nothing <sent>'))
+    append_event(run, Event(0.99, '/plant', 'fault', 'measurement silent'))
+    page = report(run)
+    time, output = page.column('time'), page.column('output')
+    assert len(time) == 201
+    assert np.isnan(output[100]) and 0.99 < time[100] < 1.1
+    assert np.isfinite(np.delete(output, 100)).all()
+    ((begin, end, cause),) = page.data['runs'][0]['gaps']
+    assert (begin, end) == (0.99, 3.0)
+    assert cause == 'no measurement for 2.01 s: nothing <sent>, fault "measurement silent"'
+    bands = [each for each in page.models if isinstance(each, BoxAnnotation)]
+    assert [(band.left, band.right) for band in bands] == [(0.99, 3.0)] * 5
 
 
 @pytest.mark.parametrize('where', ['folder', 'namespace', 'parameter', 'about', 'summary'])
@@ -147,13 +204,9 @@ def test_hostile_names_are_only_text(where: str, tmp_path: Path) -> None:
     describe(other, '/other')
     for page in (report(run), report(run, other)):
         scripts = [attrs for tag, attrs in page.tags if tag == 'script']
-        assert len(scripts) == len(page.plots) + 2
+        assert len(scripts) == 3
         assert not any(tag == 'img' for tag, _ in page.tags)
         assert not any(name.startswith('on') for _, attrs in page.tags for name in attrs)
-        for plot in page.plots:
-            labels = [line['name'] for line in plot['data']]
-            texts = [each['text'] for each in plot['layout'].get('annotations', [])]
-            assert not any('<' in text for text in labels + texts)
         assert 'alert(1)' in page.text
 
 
@@ -181,7 +234,7 @@ def test_a_line_that_was_cut_short_is_left_out(tmp_path: Path) -> None:
     describe(run, '/mine')
     with (run / PARAMETERS).open('a') as file:
         file.write('{"time": 1.0, "node": "/mine/contr')
-    assert 'Changes on the way' not in report(run).text
+    assert 'Parameter changes' not in report(run).text
 
 
 def test_a_run_without_truth_stamps_or_parameters_says_so(tmp_path: Path) -> None:
@@ -190,10 +243,10 @@ def test_a_run_without_truth_stamps_or_parameters_says_so(tmp_path: Path) -> Non
         'Neither an estimate of the disturbance nor its true value was recorded.',
         'Nothing here tells when samples left their publishers',
         'The parameters of the nodes were not recorded.',
-        'the recorder did not end the run',
+        'was not ended by the recorder',
     ):
         assert text in page.text
-    assert len(page.plots) == 4
+    assert page.data['timed'] == [True] * 3 + [False]
 
 
 @pytest.mark.parametrize(
@@ -204,7 +257,7 @@ def test_a_run_without_truth_stamps_or_parameters_says_so(tmp_path: Path) -> Non
 def test_poor_runs_have_a_page_and_a_picture(options: dict[str, Any], tmp_path: Path) -> None:
     run = record(tmp_path, **options)
     page = report(run)
-    assert 'nan' not in page.text and 'inf' not in page.text
+    assert not re.search(r'\b(nan|inf)\b', page.text)
     assert nadrc('report', run, '--plot', tmp_path / 'a.png').exit_code == 0
 
 
@@ -218,13 +271,13 @@ def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
         append_parameters(run, time, node, {'outer_bandwidth': value})
     page = report(first, second)
     assert 'one and two compared' in page.text
-    assert 'one (4 s at 100 Hz) and two (1.6 s at 250 Hz) ran' in page.text
-    assert 'The runs differ in length, and integrals grow with it: ' in page.text
-    assert {'one', 'two', 'measurement'} <= page.labels()
+    assert '2 runs of different length or rate on the plant paper.' in page.words()
+    assert 'The runs differ in length, and integrals grow with it: ' in page.words()
+    assert [len(page.lines(name)) for name in ('output', 'measurement', 'miss')] == [2, 2, 2]
     assert '<b><span' not in page.source  # no winner: integrals grow with the length
     assert re.search('Those in which the runs differ.*inner_bandwidth', page.text, re.DOTALL)
-    marks = page.plots[0]['layout']['annotations']
-    assert [mark['text'] for mark in marks] == ['1', '2']
+    marks = {text for text, _ in page.labels()}
+    assert {'1', '2'} <= marks and '3' not in marks
     assert '<td>one, two</td>' in page.source
 
 
@@ -236,10 +289,10 @@ def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:
     }
     bag = write_bag(tmp_path / 'bag', loop, mcap=True)
     page = report(bag)
-    assert 'bag (3 s at 100 Hz) ran. ' in page.text
+    assert '3 s at 100 Hz.' in page.words()
     assert 'Whether samples were lost is not known.' in page.text
     states = write_bag(tmp_path / 'states', {'/x': loop['/arm/measurement'], **loop})
-    assert report(states, record(tmp_path / 'runs'), topic='measurement=/x').plots
+    assert report(states, record(tmp_path / 'runs'), topic='measurement=/x').data['runs']
     assert nadrc('report', states, '--topic', 'measurement').exit_code == 2
     assert '/arm' in nadrc('report', states, '--topic', 'measurement=/y').output
 
@@ -249,10 +302,9 @@ def test_a_csv_file_is_reported_in_part_and_how_it_was_read_is_said(tmp_path: Pa
     rows = ''.join(f'{k},{k % 7},{k % 5},1\n' for k in range(0, 4000, 10))
     log.write_text('t [ms],Drehzahl,pwm,ziel\n' + rows)
     page = report(log, measurement='Drehzahl', reference='ziel', **{'from': 1, 'to': 2})
-    assert 'my log.csv (1.01 s at 100 Hz) ran. ' in page.text
+    assert '1.01 s at 100 Hz. ' in page.words()
     assert 'Nothing was lost' not in page.text and 'lockstep' not in page.text
-    names = [line['name'] for line in page.plots[0]['data']]
-    assert 'my log.csv, measurement' in names and 'measurement' not in names
+    assert page.lines('output') and not page.lines('measurement')  # the one is the other
     done = nadrc('report', log, '--measurement', 'drehzahl', '--page', tmp_path / 'p.html')
     assert 'measurement Drehzahl, command pwm (guessed by its name), no reference' in done.output
 
@@ -267,22 +319,22 @@ def test_by_default_the_page_is_in_the_folder_of_the_run(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize('suffix', ['png', 'svg'])
-def test_a_picture_needs_no_plotly(
+def test_a_picture_needs_no_bokeh(
     suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = record(tmp_path)
     describe(run, '/a$b$^')
     append_parameters(run, 1.5, '/a$b$^/controller', {'b0': 3.0, 'file': '$^$'})
     append_parameters(run, 1.6, '/a$b$^/controller', {'file': '$$^'})
-    for name in [n for n in sys.modules if n.startswith('nadrc_ros.report.p') or n == 'plotly']:
+    for name in [n for n in sys.modules if n.startswith(('nadrc_ros.report.p', 'bokeh'))]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, 'plotly', None)
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
     picture = tmp_path / f'a.{suffix}'
     assert nadrc('report', run, '--plot', picture).exit_code == 0
     assert picture.read_bytes()[:4] in (b'\x89PNG', b'<?xm')
     done = nadrc('report', run)
     assert done.exit_code == 1
-    assert 'pip install plotly' in done.output
+    assert "pip install 'bokeh>=3.7,<4' jinja2" in done.output
     assert nadrc('report', run, '--plot', 'a.gif').exit_code == 2
 
 

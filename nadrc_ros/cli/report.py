@@ -57,7 +57,7 @@ def report(
             from nadrc_ros.extras import MissingPackage
 
             without = '--plot needs nothing'
-            raise MissingPackage('the page', error.name or 'plotly', 'report', without) from None
+            raise MissingPackage('the page', error.name or 'bokeh', 'report', without) from None
         from nadrc_ros.atomic import write_whole
 
         path = page or _beside(runs)

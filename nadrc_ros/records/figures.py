@@ -47,6 +47,8 @@ class Figures:
         Time of the last row [s].
     gap_time
         Time that is in no figure [s].
+    gaps
+        From when to when that was [s].
     stop
         When the run ended [s], None where that is not known.
 
@@ -58,6 +60,7 @@ class Figures:
         self._lowest, self._highest = _Largest(), _Largest()
         self.rows = 0
         self.gap_time = 0.0
+        self.gaps: list[tuple[float, float]] = []
         self.stop: float | None = None
         self._metrics = Metrics(settings.settle_time or inf)
         self._spacing = Spacing()
@@ -79,7 +82,7 @@ class Figures:
             self._count(t, 1.0 / self.settings.rate, values)
             return
         if self._waiting is not None:
-            self._count(self._waiting[0], self._length(t - self._waiting[0]), self._waiting[1])
+            self._count(self._waiting[0], self._length(self._waiting[0], t), self._waiting[1])
         self._waiting = t, values
 
     def end(self, stop: float | None = None) -> None:
@@ -92,7 +95,7 @@ class Figures:
         self._count(t, usual, values)
         span = 0.0 if stop is None else stop - t
         if self._spacing.is_gap(span):
-            self.gap_time += span - usual
+            self._skip(t + usual, t + span)
             self._passed += round(span / usual) - 1
 
     def values(self) -> MetricValues:
@@ -130,13 +133,18 @@ class Figures:
         at_high = self._highest.time if self._highest.value == high else 0.0
         return (at_low + at_high) / duration
 
-    def _length(self, span: float) -> float:
-        """Return for how long a row counts after which the next one came ``span`` later [s]."""
+    def _skip(self, begin: float, end: float) -> None:
+        self.gaps.append((begin, end))
+        self.gap_time += end - begin
+
+    def _length(self, begin: float, end: float) -> float:
+        """Return for how long [s] the row at ``begin`` counts, the next one being at ``end``."""
+        span = end - begin
         # The bound is that of the rows before: a gap must not widen what counts as one.
         gap, length = self._spacing.is_gap(span), span
         if gap:
             length = self._spacing.usual
-            self.gap_time += span - length
+            self._skip(begin + length, end)
         self._spacing.add(span)
         periods = round(span / self._spacing.usual)  # none for a sample that came twice
         self._passed += periods

@@ -195,6 +195,11 @@ class RecordedRun:
         return self._sums.gap_time
 
     @property
+    def figure_gaps(self) -> list[tuple[float, float]]:
+        """Return from when to when [s] there is no row that counts in a figure."""
+        return [(self._start + begin, self._start + end) for begin, end in self._sums.gaps]
+
+    @property
     def gaps(self) -> int:
         """Return how many periods have no measurement."""
         measured = self.time[np.isfinite(self.columns['measurement'])]

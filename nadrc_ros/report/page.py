@@ -2,166 +2,190 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from html import escape
+from functools import cache
+import json
 from pathlib import Path
+from typing import Any
 
-from nadrc_ros.records.recorded_run import RecordedRun
-from nadrc_ros.report import tables
+import attrs
+from bokeh.document import Document
+from bokeh.resources import INLINE
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.report import roles, tables
 from nadrc_ros.report.marks import numbered, NumberedChanges
-from nadrc_ros.report.markup import document, heading, paragraph, verdict
 from nadrc_ros.report.plots import Plot, Plotter
 from nadrc_ros.report.summary import summary_of, title_of
+from nadrc_ros.report.traces import MOST_OF_ALL, MOST_ROWS, Trace, trace_of
 import numpy as np
-from plotly.offline import get_plotlyjs
 
+# So many gaps are told with their causes.
+_MOST_GAPS = 5
 _HERE = Path(__file__).parent
-_NO_DISTURBANCE = 'Neither an estimate of the disturbance nor its true value was recorded.'
-_NO_SPECTRUM = 'There are too few samples for a spectrum.'
-_NO_STAMPS = (
-    'Nothing here tells when samples left their publishers; the recorder keeps that of runs in '
-    'real time.'
-)
-_NO_PARAMETERS = 'The parameters of the nodes were not recorded.'
+# Columns of the read-out: what it calls them, and the column of a trace.
+_READ_OUT = {
+    'r': 'reference',
+    'y': 'output',
+    'e': 'error',
+    'u': 'command',
+    'd': 'truth',
+    'd̂': 'estimate',
+}
+
+
+@attrs.frozen
+class Timing:
+    """A histogram with its table."""
+
+    title: str
+    plot: Plot
+    table: tables.Table
 
 
 def page(runs: Mapping[str, RecordedRun]) -> str:
     """Return the whole page on these runs, by name."""
     marked = numbered({name: run.changes for name, run in runs.items()})
-    plotter = Plotter({name: run.unwrapped() for name, run in runs.items()}, marked)
-    sections = {
-        'figures': ('Figures of merit', tables.figures_of_merit(runs)),
-        'changes': ('Changes on the way', _changes(marked, list(runs))),
-        'events': ('What happened', tables.events(runs)),
-        'output': ('Output and reference', _plot(plotter.output())),
-        'error': ('Error', _note(_which_error(runs)) + _plot(plotter.error())),
-        'command': ('Command', _plot(plotter.command())),
-        'disturbance': ('Disturbance', _disturbance(plotter)),
-        'spectrum': ('Spectrum of the command', _spectrum(plotter)),
-        'timing': ('Latency and period', _timing(plotter)),
-        'parameters': ('Parameters', _parameters(runs)),
-        'origin': ('Origin', tables.origin(runs)),
+    turning = {name: run.unwrapped() for name, run in runs.items()}
+    most = min(MOST_ROWS, MOST_OF_ALL // len(runs))
+    traces = {name: trace_of(run, most) for name, run in turning.items()}
+    plotter = Plotter(turning, traces, marked)
+    disturbances = {
+        name: plot
+        for name, run in turning.items()
+        if (plot := plotter.disturbance(name, _which_truth(run))) is not None
     }
-    there = {name: section for name, section in sections.items() if section[1]}
-    links = (f'<a href="#{name}">{title}</a>' for name, (title, _) in there.items())
-    title = title_of(runs)
-    body = [f'<h1>{escape(title)}</h1>\n', verdict(summary_of(runs, marked))]
-    body += [f'<nav>{" ".join(links)}</nav>\n']
-    body += [heading(title, name) + content for name, (title, content) in there.items()]
-    return document(title, ''.join(body) + _scripts(), f'<style>{_text("report.css")}</style>\n')
+    timed = [plotter.output(), plotter.error(_which_error(runs)), plotter.command()]
+    miss = plotter.miss()
+    timing = [
+        Timing(title, plot, tables.timing(columns))
+        for title, plot, columns in (
+            (
+                'Latency: measurement to command',
+                plotter.latency(),
+                {name: run.latency for name, run in runs.items()},
+            ),
+            (
+                'Period: measurement to measurement',
+                plotter.period(),
+                {name: run.periods for name, run in runs.items()},
+            ),
+        )
+        if plot is not None
+    ]
+    spectrum = plotter.spectrum()
+    plots = [*timed, *disturbances.values(), *([miss] if miss else [])]
+    plots += [*([spectrum] if spectrum else []), *(each.plot for each in timing)]
+    gaps = [(name, gap) for name, trace in traces.items() for gap in trace.gaps]
+    columns = {name for trace in traces.values() for name in trace.columns}
+    return _environment().get_template('report.html').render(
+        title=title_of(runs),
+        summary=summary_of(runs, marked),
+        runs=list(runs),
+        looks=plotter.looks,
+        figures=tables.figures_of_merit(runs),
+        changes=_changes(marked, list(runs)),
+        events=tables.events(runs),
+        timed=timed,
+        disturbances=disturbances,
+        miss=miss,
+        spectrum=spectrum,
+        timing=timing,
+        number={plot.figure.id: i for i, plot in enumerate(plots)},
+        columns=columns,
+        read_out={sign: name for sign, name in _READ_OUT.items() if name in columns},
+        levels=sorted(name for name in columns if name.startswith('level_')),
+        level_looks=roles.level_looks(len(columns)),
+        thinned={name: trace.every for name, trace in traces.items() if trace.every > 1},
+        gaps=gaps[:_MOST_GAPS],
+        more_gaps=len(gaps[_MOST_GAPS:]),
+        parameters=tables.parameters(runs, different=False),
+        different=tables.parameters(runs, different=True) if len(runs) > 1 else None,
+        origin=tables.origin(runs),
+        roles=roles,
+        style=Markup(_text('report.css')),
+        scripts=[Markup(each) for each in (*INLINE.js_raw[:1], _text('report.js'))],
+        data=_data(plots, traces, plotter.span),
+    )  # fmt: skip
 
 
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+@cache
 def _text(name: str) -> str:
     return (_HERE / name).read_text(encoding='utf-8')
 
 
-def _scripts() -> str:
-    return f'<script>{get_plotlyjs()}</script>\n<script>{_text("report.js")}</script>'
+def _data(plots: Sequence[Plot], traces: Mapping[str, Trace], span: tuple[float, float]) -> Markup:
+    """Return all that the script draws as JSON, which ends no script element."""
+    document = Document()
+    for plot in plots:
+        document.add_root(plot.figure)
+    content: dict[str, Any] = {
+        'document': document.to_json(deferred=False),
+        'timed': [each.timed for each in plots],
+        'span': span,
+        'dark': roles.DARK,
+        'runs': [
+            {
+                'name': name,
+                'columns': {key: _encoded(values) for key, values in trace.columns.items()},
+                'gaps': trace.gaps,
+            }
+            for name, trace in traces.items()
+        ],
+    }
+    text = json.dumps(content, allow_nan=False, separators=(',', ':'))
+    for sign in '<>&':
+        text = text.replace(sign, f'\\u{ord(sign):04x}')
+    return Markup(text)
 
 
-def _note(text: str) -> str:
-    return f'<p class="note">{text}</p>\n' if text else ''
+def _encoded(values: Array) -> str:
+    """Return doubles, little-endian, in base 64."""
+    return b64encode(np.ascontiguousarray(values, '<f8').tobytes()).decode()
 
 
-def _plot(plot: Plot) -> str:
-    """Return a plot as data, which the script at the end of the page draws."""
-    timed = ' data-timed="1"' if plot.timed else ''
-    data = plot.figure.to_json()  # without <, > and /
-    return (
-        f'<div class="plot"{timed}><script type="application/json">{data}</script></div>\n'
-        + _note(plot.note)
-    )
-
-
-def _changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
-    if not marked:
-        return ''
+def _changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> tuple[Any, int]:
+    """Return the table of changes, None without any, and how many it leaves out."""
     count = sum(len(mark.changes) for mark in marked)
-    more = count - tables.MOST_LISTED
-    return (
-        _note('The plots over time mark each by its number.')
-        + tables.changes(marked, runs)
-        + _note(f'{more} more are not listed.' if more > 0 else '')
-    )
+    return tables.changes(marked, runs), max(0, count - tables.MOST_LISTED)
 
 
 def _which_error(runs: Mapping[str, RecordedRun]) -> str:
     kinds = {run.figure_settings.error for run in runs.values()}
     if kinds == {'reference'}:
-        return 'Reference minus output, as in the figures of merit.'
+        return 'Error e: reference minus output, as in the figures of merit.'
     if kinds == {'tracking'}:
-        return 'Output of the tracking differentiator minus output, as in the figures of merit.'
-    return 'As in the figures of merit, and not of the same kind in all runs.'
-
-
-def _disturbance(plotter: Plotter) -> str:
-    parts = []
-    for name, run in plotter.runs.items():
-        plot = plotter.disturbance(name)
-        if plot.figure.data:
-            parts.append(f'<h3>{escape(name)}</h3>\n' if len(plotter.runs) > 1 else '')
-            parts += [_plot(plot), _note(_which_truth(run))]
-    return ''.join(parts) or paragraph(_NO_DISTURBANCE)
+        return 'Error e: output of the tracking differentiator minus output, as in the figures.'
+    return 'Error e as in the figures of merit, not of the same kind in all runs.'
 
 
 def _which_truth(run: RecordedRun) -> str:
+    what = 'Estimate of the total disturbance over the truth'
     if not np.isfinite(run.total_disturbance).any():
+        what = 'Estimate of the total disturbance'
         if np.isfinite(run.column('total_disturbance')).any():
             return (
-                'The true disturbance is not known: with <code>plant_poles</code> it is y<sup>(n)'
-                '</sup> + a<sub>n−1</sub> y<sup>(n−1)</sup> + … − b<sub>0</sub> u, with <code>'
-                'b0_source: topic</code> b<sub>0</sub> is another one at each time, and no record '
-                'has the derivatives of y or that b<sub>0</sub>.'
+                f'{what}. The truth is not known: with plant_poles it is y⁽ⁿ⁾ + aₙ₋₁ y⁽ⁿ⁻¹⁾ + … '
+                '− b₀ u, with b0_source: topic b₀ varies, and neither the derivatives of y nor '
+                'that b₀ were recorded.'
             )
-        return 'Nobody published the true disturbance.'
+        return f'{what}. The truth is not known (a real plant, or not recorded).'
     if run.referred:
-        return (
-            'The truth is y<sup>(n)</sup> − b<sub>0</sub> u for b<sub>0</sub> of the controller.'
-        )
+        return f'{what}, y⁽ⁿ⁾ − b₀ u for b₀ of the controller.'
     return (
-        'The truth is y<sup>(n)</sup> − b<sub>0</sub> u for b<sub>0</sub> of the plant; whether '
-        'the controller has the same is not known.'
+        f'{what}, y⁽ⁿ⁾ − b₀ u for b₀ of the plant; whether the controller has the same is not '
+        'known.'
     )
-
-
-def _spectrum(plotter: Plotter) -> str:
-    plot = plotter.spectrum()
-    if plot is None:
-        return paragraph(_NO_SPECTRUM)
-    known = any(run.gains[1] for run in plotter.runs.values())
-    marks = 'The bandwidths of controller and observers are marked.' if known else ''
-    return _note(f'Power spectral density by Welch, on logarithmic axes. {marks}') + _plot(plot)
-
-
-def _timing(plotter: Plotter) -> str:
-    runs = plotter.runs.items()
-    kinds = (
-        (
-            'From a measurement to the command in reply',
-            plotter.latency(),
-            {name: run.latency for name, run in runs},
-        ),
-        (
-            'From a measurement to the next',
-            plotter.period(),
-            {name: run.periods for name, run in runs},
-        ),
-    )
-    parts = [
-        f'<h3>{title}</h3>\n{_plot(plot)}{tables.timing(columns)}'
-        for title, plot, columns in kinds
-        if plot is not None
-    ]
-    if not parts:
-        return paragraph(_NO_STAMPS)
-    return ''.join(parts) + _note('By the stamps with which the samples left their publishers.')
-
-
-def _parameters(runs: Mapping[str, RecordedRun]) -> str:
-    everything = tables.parameters(runs, different=False)
-    if not everything:
-        return paragraph(_NO_PARAMETERS)
-    different = tables.parameters(runs, different=True) if len(runs) > 1 else ''
-    intro = 'Those in which the runs differ at their start:' if different else ''
-    folded = f'<details><summary>All parameters</summary>{everything}</details>\n'
-    return _note(intro) + different + folded

@@ -1,154 +1,166 @@
-"""The interactive plots of a report, as figures of Plotly."""
+"""The interactive plots of a report, as figures of Bokeh that ``report.js`` fills."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from html import escape
-from itertools import cycle
-from math import pi
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from math import inf, log10, pi
+from typing import Any, Literal
 
 import attrs
+from bokeh.models import (
+    ColumnDataSource,
+    HoverTool,
+    LinearScale,
+    LogAxis,
+    Range1d,
+)
+from bokeh.models.annotations import BoxAnnotation, Label, Span
+from bokeh.plotting import figure
 from nadrc_ros.records.recorded_run import Array, RecordedRun
-from nadrc_ros.report.curves import bandwidths, bins, command_spectrum, frame, kept
+from nadrc_ros.report.curves import bandwidths, bins, command_spectrum
 from nadrc_ros.report.marks import NumberedChanges
-from nadrc_ros.report.roles import COLOURS, GREY, INK
+from nadrc_ros.report.roles import GREY, GRID, INK, level_looks, Look, looks, REFERENCE, TRUTH
+from nadrc_ros.report.traces import Trace
 import numpy as np
-from plotly import graph_objects as go
 
-# Points of all lines of a page together, some 21 bytes each.
-_MOST_POINTS = 150_000
-_FEWEST_POINTS = 1_000
 _MOST_MARKED = 40
-_HEIGHT = 300  # px
-_GRID_COLOUR = '#e4e4e4'
-_FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
-_DASHES = ('solid', 'solid', 'dash', 'dash', 'dashdot', 'dashdot')
-_REFERENCE_LINE = {'color': INK, 'width': 1.2, 'dash': 'dot'}
-_LEVEL_DASHES = ('dot', 'dash', 'dashdot', 'longdash', 'longdashdot', 'solid')
-_LEVEL_COLOURS = ('#56B4E9', '#D55E00', '#CC79A7', '#004D40', '#E69F00', '#0072B2')
+_HEIGHT = 240  # px
+_LEFT, _RIGHT = 70, 14  # px: the same, so that the times lie above each other
+_WHITE = '#ffffff'
+# Decades of a spectrum, and above it those for the marks of bandwidths.
+_DEEPEST, _HEADROOM = 8.0, 1.0
+_MOST_BANDWIDTHS = 8
+_TWO_MARKS = 0.03  # of the width of a spectrum are too near to each other for two letters
 
 
 @attrs.frozen
 class Plot:
-    """A figure, whether its x axis is the time of all others, and what to say below it."""
+    """A figure, whether it is over the time of all others, and what to say below it."""
 
-    figure: go.Figure
+    figure: figure
+    caption: str
     timed: bool = True
-    note: str = ''
+
+    @property
+    def lines(self) -> list[list[Any]]:
+        """Return run, column and whether it is held of each line that is to be filled."""
+        return [each.tags for each in self.figure.renderers if each.tags]
 
 
 class Plotter:
-    """Draws runs, each in its colour, with marks where something was changed."""
+    """Draws runs, each in its look, with marks where something was changed."""
 
-    def __init__(self, runs: Mapping[str, RecordedRun], marked: Sequence[NumberedChanges]) -> None:
+    def __init__(
+        self,
+        runs: Mapping[str, RecordedRun],
+        traces: Mapping[str, Trace],
+        marked: Sequence[NumberedChanges],
+    ) -> None:
         self.runs = runs
+        self.looks = looks(runs)
+        self._traces = traces
         self._marked = marked[:_MOST_MARKED]
-        self._looks = {
-            name: {'color': colour, 'dash': dash, 'width': 1.5}
-            for name, colour, dash in zip(runs, cycle(COLOURS), cycle(_DASHES))
-        }
-        lines = sum(6 + len(run.levels) for run in runs.values())
-        self._points = max(_FEWEST_POINTS, _MOST_POINTS // lines)
-        ends = [float(run.time[-1]) for run in runs.values()]
         starts = [float(run.time[0]) for run in runs.values()]
-        self._span = min(starts), max(*ends, min(starts) + 1e-3)
-
-    def colour(self, name: str) -> str:
-        """Return the colour of a run."""
-        return str(self._looks[name]['color'])
+        ends = [max(float(run.time[-1]), run.stop) for run in runs.values()]
+        self.span = min(starts), max(*ends, min(starts) + 1e-3)
+        self._time = Range1d(start=self.span[0], end=self.span[1])
 
     def output(self) -> Plot:
         """Return outputs, references and, hidden at first, measurements."""
-        figure = self._timed('output y and reference r')
-        first = next(iter(self.runs))
-        for name, run in self.runs.items():
-            one = {'legendgroup': 'reference', 'showlegend': name == first}
-            self._line(figure, run, 'reference', run.column('reference'), _REFERENCE_LINE, **one)
-        true = [name for name, run in self.runs.items() if run.knows_output]
-        for name, run in self.runs.items():
-            label = name if name in true else f'{name}, measurement'
-            self._line(figure, run, label, run.output, self._looks[name])
-        for name, run in self.runs.items():
-            if name not in true:
-                continue  # the measurement is there already
-            one = {'legendgroup': 'measurement', 'showlegend': name == true[0]}
-            thin = {'color': self.colour(name), 'width': 0.8}
-            measured = run.columns['measurement']
-            self._line(figure, run, 'measurement', measured, thin, visible='legendonly', **one)
-        return Plot(figure)
+        made = self._timed('output y')
+        for name in self.runs:
+            self._line(made, name, 'reference', Look(REFERENCE, 'dotted'), 1.4)
+            self._line(made, name, 'measurement', self.looks[name], 0.7)
+        for name in self.runs:
+            self._line(made, name, 'output', self.looks[name])
+        return Plot(made, 'Output y and the reference r that it is to follow.')
 
-    def error(self) -> Plot:
+    def error(self, caption: str) -> Plot:
         """Return the errors that the figures of merit are made of."""
-        return self._each('error e', {name: s.error for name, s in self.runs.items()})
+        return self._each('error', 'error e', caption)
 
     def command(self) -> Plot:
-        """Return the commands, held over each period."""
-        return self._each(
-            'command u', {name: s.command for name, s in self.runs.items()}, shape='hv'
-        )
+        """Return the commands, held over each period, with the limits that all have."""
+        plot = self._each('command', 'command u', 'Command u, held until the next one.')
+        limits = {run.history.command_limits() for run in self.runs.values()}
+        for limit in limits.pop() or () if len(limits) == 1 else ():
+            plot.figure.add_layout(_across(limit, 'width'))
+        return plot
 
-    def disturbance(self, name: str) -> Plot:
-        """Return the estimate of a run, level by level, and the truth where there is one."""
+    def disturbance(self, name: str, caption: str) -> Plot | None:
+        """Return the estimate of a run, level by level, over the truth; None without either."""
         run = self.runs[name]
-        figure = self._timed('total disturbance')
-        lines = {
-            'truth': (run.total_disturbance, {'color': INK, 'width': 1.2}),
-            'estimate': (run.column('disturbance_estimate'), self._looks[name]),
-        }
-        if len(run.levels) > 1:
-            for level, colour, dash in zip(
-                run.levels, cycle(_LEVEL_COLOURS), cycle(_LEVEL_DASHES)
-            ):
-                look = {'color': colour, 'width': 1.2, 'dash': dash}
-                lines[level.replace('_', ' ')] = run.columns[level], look
-        shown = {label: line for label, line in lines.items() if np.isfinite(line[0]).any()}
-        for label, (values, look) in shown.items():
-            self._line(figure, run, label, values, look)
-        return self._framed(figure, [(run.time, values) for values, _ in shown.values()])
+        made = self._timed('disturbance')
+        self._line(made, name, 'truth', Look(TRUTH, 'solid'), 2.4)
+        levels = run.levels if len(run.levels) > 1 else []
+        for level, look in zip(levels, level_looks(len(levels))):
+            self._line(made, name, level, look, 1.1)
+        self._line(made, name, 'estimate', self.looks[name])
+        return Plot(made, caption) if made.renderers else None
+
+    def miss(self) -> Plot | None:
+        """Return the errors of the estimates of the disturbance, None where no truth is known."""
+        plot = self._each('miss', 'estimate − truth', 'Error of the estimated disturbance.')
+        return plot if plot.figure.renderers else None
 
     def spectrum(self) -> Plot | None:
         """Return the spectra of the commands with the bandwidths, None where runs are short."""
-        figure = base('density of u [u²/Hz]', 'frequency [Hz]')
-        figure.update_xaxes(type='log', exponentformat='power', dtick=1)
-        figure.update_yaxes(type='log', exponentformat='power', dtick=1)
-        for name, run in self.runs.items():
-            found = command_spectrum(run.time, run.command, run.rate)
-            if found is not None and (found[1] > 0.0).any():
-                figure.add_scatter(
-                    x=found[0],
-                    y=np.where(found[1] > 0.0, found[1], np.nan),
-                    mode='lines',
-                    name=escape(name, quote=False),
-                    line={'color': self.colour(name), 'width': 1.5},
-                    hovertemplate='%{x:.4g} Hz: %{y:.4g}',
-                )
-        if not figure.data:
+        found = {
+            name: (2.0 * pi * spectrum[0][above], spectrum[1][above] / (2.0 * pi))
+            for name, run in self.runs.items()
+            if (spectrum := command_spectrum(run.time, run.command, run.rate)) is not None
+            and (above := spectrum[1] > 0.0).any()
+        }
+        if not found:
             return None
-        for each in bandwidths(self.runs):
-            common = len(each.runs) == len(self.runs)
-            colour = INK if common else self.colour(next(iter(each.runs)))
-            frequency = each.value / (2.0 * pi)
-            figure.add_vline(frequency, line={'color': colour, 'width': 1, 'dash': 'dash'})
-            figure.add_annotation(
-                x=np.log10(frequency),
-                y=0.02,
-                yref='paper',
-                text=f'{", ".join(each.names)}: {each.value:g} rad/s',
-                font={'color': colour, 'size': 11},
-                bgcolor='rgba(255,255,255,0.8)',
-                textangle=-90,
-                xanchor='right',
-                yanchor='bottom',
-                showarrow=False,
-            )
-        return Plot(figure, timed=False)
+        marks = [np.array([each.value]) for each in bandwidths(self.runs)]
+        low, high = _extent([*(omega for omega, _ in found.values()), *marks])
+        bottom, top = _extent(density for _, density in found.values())
+        bottom = max(bottom, top * 10.0**-_DEEPEST)
+        made = _base(
+            'density of u [u² / (rad/s)]',
+            'frequency [rad/s]; above: [Hz]',
+            x_range=Range1d(start=low, end=high),
+            y_range=Range1d(start=0.7 * bottom, end=top * 10.0**_HEADROOM),
+            x_axis_type='log',
+            y_axis_type='log',
+        )
+        made.extra_x_ranges = {'hertz': Range1d(start=low / (2.0 * pi), end=high / (2.0 * pi))}
+        made.add_layout(LogAxis(x_range_name='hertz', **_axis_look()), 'above')
+        for name, (omega, density) in found.items():
+            source = ColumnDataSource({'x': omega, 'y': density})
+            made.line('x', 'y', source=source, **_line_look(self.looks[name]))
+        made.add_tools(HoverTool(tooltips=[('', '@x{0.0000 a} rad/s: @y')], mode='mouse'))
+        said = self._mark_bandwidths(made, log10(low), log10(high))
+        text = 'Power spectral density of the command (Welch) on logarithmic axes.'
+        return Plot(made, f'{text} {said}'.strip(), timed=False)
+
+    def _mark_bandwidths(self, made: figure, low: float, high: float) -> str:
+        """Mark bandwidths by letters above the curve, those near to each other by one; list."""
+        marks: list[tuple[float, list[str]]] = []
+        found = sorted(bandwidths(self.runs), key=lambda one: one.value)
+        if many := len(found) > _MOST_BANDWIDTHS:
+            found = [each for each in found if len(each.runs) == len(self.runs)]
+        for each in found:
+            place = (log10(each.value) - low) / (high - low)
+            whose = '' if len(each.runs) == len(self.runs) else f' of {", ".join(each.runs)}'
+            text = f'{", ".join(each.names)}{whose} {each.value:g} rad/s'
+            if marks and place - marks[-1][0] < _TWO_MARKS:
+                marks[-1][1].append(text)
+                continue
+            marks.append((place, [text]))
+            made.add_layout(_across(each.value, 'height'))
+            made.add_layout(_letter(each.value, chr(ord('A') + (len(marks) - 1) % 26)))
+        named = (f'{chr(ord("A") + i % 26)} {", ".join(t)}' for i, (_, t) in enumerate(marks))
+        text = f'Bandwidths: {"; ".join(named)}.' if marks else ''
+        return f'{text} Those that are not of all runs are among the parameters.' if many else text
 
     def latency(self) -> Plot | None:
         """Return histograms of the time from measurement to command, None where not recorded."""
         return self._histogram(
             {name: 1e3 * s.latency for name, s in self.runs.items()},
             'from measurement to command [ms]',
+            'Share of the samples with this time from a measurement to the command in reply.',
         )
 
     def period(self) -> Plot | None:
@@ -156,89 +168,119 @@ class Plotter:
         plot = self._histogram(
             {name: 1e3 * s.periods for name, s in self.runs.items()},
             'between measurements [ms]',
+            'Share of the samples with this time from a measurement to the next; dotted: nominal.',
         )
         if plot is not None:
             for rate in {run.rate for run in self.runs.values()}:
-                plot.figure.add_vline(1e3 / rate, line={'color': INK, 'width': 1, 'dash': 'dot'})
+                plot.figure.add_layout(_across(1e3 / rate, 'height'))
         return plot
 
-    def _histogram(self, columns: Mapping[str, Array], title: str) -> Plot | None:
+    def _histogram(self, columns: Mapping[str, Array], title: str, caption: str) -> Plot | None:
         columns = {name: values for name, values in columns.items() if values.size}
         if not columns:
             return None
         edges = bins(columns.values())
-        figure = base('share of samples [%]', title)
-        for name, values in columns.items():
-            counts, _ = np.histogram(values, edges)
-            figure.add_bar(
-                x=0.5 * (edges[:-1] + edges[1:]),
-                y=100.0 * counts / values.size,
-                width=np.diff(edges),
-                name=escape(name, quote=False),
-                marker={'color': self.colour(name), 'opacity': 0.65, 'line': {'width': 0}},
-                hovertemplate='%{x:.3g} ms: %{y:.3g} %',
-            )
-        figure.update_layout(barmode='overlay', bargap=0)
-        beyond = sum(int((values > edges[-1]).sum()) for values in columns.values())
-        note = f'{beyond} beyond {edges[-1]:.3g} ms are not drawn.' if beyond else ''
-        return Plot(figure, timed=False, note=note)
-
-    def _each(self, title: str, columns: Mapping[str, Array], shape: str = 'linear') -> Plot:
-        figure = self._timed(title)
-        for name, values in columns.items():
-            look = {**self._looks[name], 'shape': shape}
-            self._line(figure, self.runs[name], name, values, look)
-        lines = [(self.runs[name].time, values) for name, values in columns.items()]
-        return self._framed(figure, lines)
-
-    def _framed(self, figure: go.Figure, lines: Sequence[tuple[Array, Array]]) -> Plot:
-        limits = frame(lines) if lines else None
-        if limits is None:
-            return Plot(figure)
-        figure.update_yaxes(range=limits)
-        return Plot(figure, note='The start is cut off; a double click shows all of it.')
-
-    def _line(
-        self, figure: go.Figure, run: RecordedRun, name: str, values: Array, look: Any, **more: Any
-    ) -> None:
-        chosen = kept(values, self._points)
-        figure.add_scatter(
-            x=run.time[chosen],
-            y=values[chosen],
-            mode='lines' if len(chosen) > 1 else 'markers',
-            name=escape(name, quote=False),
-            line=look,
-            hovertemplate='%{y:.6g}',
-            **more,
+        made = _base(
+            'share of samples [%]',
+            title,
+            x_range=Range1d(start=edges[0], end=edges[-1]),
+            x_axis_type='linear',
         )
+        for name, values in columns.items():
+            share = 100.0 * np.histogram(values, edges)[0] / values.size
+            # An outline: bars of twelve runs would hide each other.
+            x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(share, 2), [0.0]))
+            source = ColumnDataSource({'x': x, 'y': y})
+            look = self.looks[name]
+            made.varea('x', y2='y', y1=0.0, source=source, fill_color=look.colour, fill_alpha=0.2)
+            made.line('x', 'y', source=source, **_line_look(look))
+        beyond = sum(int((values > edges[-1]).sum()) for values in columns.values())
+        more = f' {beyond} samples above {edges[-1]:.3g} ms are not shown.' if beyond else ''
+        return Plot(made, caption + more, timed=False)
 
-    def _timed(self, title: str) -> go.Figure:
-        figure = base(title, 'time [s]')
-        figure.update_xaxes(range=self._span)
-        figure.update_layout(hovermode='x unified')
+    def _each(self, column: str, title: str, caption: str) -> Plot:
+        made = self._timed(title)
+        for name in self.runs:
+            self._line(made, name, column, self.looks[name])
+        return Plot(made, caption)
+
+    def _line(self, made: figure, name: str, column: str, look: Look, width: float = 1.5) -> None:
+        """Add a line that the page fills with a column of a run, if it has that."""
+        if column in self._traces[name].columns:
+            source = ColumnDataSource({'x': [], 'y': []})
+            line = made.line('x', 'y', source=source, **_line_look(look, width))
+            line.tags = [list(self.runs).index(name), column, column == 'command']
+            line.visible = column != 'measurement'
+
+    def _timed(self, title: str) -> figure:
+        made = _base(title, 'time [s]', x_range=self._time, y_range=Range1d(start=0.0, end=1.0))
+        for trace in self._traces.values():
+            for gap in trace.gaps:
+                made.add_layout(
+                    BoxAnnotation(
+                        left=gap.begin, right=gap.end, line_color=None, level='underlay',
+                        fill_color=GRID, fill_alpha=0.5, hatch_pattern='/', hatch_color=GREY,
+                        hatch_alpha=0.35, hatch_weight=0.5,
+                    )
+                )  # fmt: skip
         for mark in self._marked:
-            figure.add_vline(mark.time, line={'color': INK, 'width': 1, 'dash': 'dot'})
-            figure.add_annotation(
-                x=mark.time, y=1.0, yref='paper', text=str(mark.number), showarrow=False,
-                xanchor='left', yanchor='top', xshift=2, bgcolor='rgba(255,255,255,0.8)',
-            )  # fmt: skip
-        return figure
+            made.add_layout(_across(mark.time, 'height'))
+            made.add_layout(_letter(mark.time, str(mark.number)))
+        return made
 
 
-def base(y: str, x: str) -> go.Figure:
+def _base(y: str, x: str, **ranges: Any) -> figure:
     """Return an empty figure in the style of the house."""
-    figure = go.Figure()
-    figure.update_layout(
-        template='none',
-        height=_HEIGHT,
-        margin={'l': 62, 'r': 8, 't': 34, 'b': 44},
-        font={'family': _FONT, 'size': 12, 'color': INK},
-        legend={'orientation': 'h', 'x': 0, 'y': 1.02, 'yanchor': 'bottom', 'xanchor': 'left'},
-        showlegend=True,
-        dragmode='zoom',
-        hoverlabel={'font': {'family': _FONT}},
+    made = figure(
+        height=_HEIGHT, sizing_mode='stretch_width', tools='', toolbar_location=None,
+        min_border_left=_LEFT, min_border_right=_RIGHT, outline_line_color=None,
+        background_fill_color=_WHITE, border_fill_color=_WHITE, **ranges,
+    )  # fmt: skip
+    made.extra_y_ranges = {'share': Range1d(start=0.0, end=1.0)}
+    made.extra_y_scales = {'share': LinearScale()}
+    made.xaxis.axis_label, made.yaxis.axis_label = x, y
+    for axis in made.axis:
+        axis.update(**_axis_look())
+    made.grid.grid_line_color = GRID
+    return made
+
+
+def _axis_look() -> dict[str, Any]:
+    return {
+        'axis_line_color': GREY,
+        'axis_label_text_color': INK,
+        'axis_label_text_font_style': 'normal',
+        'axis_label_text_font_size': '12px',
+        'axis_label_standoff': 4,
+        'major_tick_line_color': GREY,
+        'minor_tick_line_color': None,
+        'major_label_text_color': GREY,
+        'major_label_text_font_size': '12px',
+    }
+
+
+def _line_look(look: Look, width: float = 1.5) -> dict[str, Any]:
+    return {'line_color': look.colour, 'line_dash': look.dash, 'line_width': width}
+
+
+def _across(place: float, dimension: Literal['width', 'height']) -> Span:
+    """Return a dotted line at a place of one axis."""
+    return Span(
+        location=place, dimension=dimension, line_color=INK, line_dash='dotted', line_width=1
     )
-    axis = {'gridcolor': _GRID_COLOUR, 'zeroline': False, 'linecolor': GREY, 'showline': True}
-    figure.update_xaxes(title={'text': x, 'standoff': 6}, **axis)
-    figure.update_yaxes(title={'text': y, 'standoff': 4}, automargin=True, **axis)
-    return figure
+
+
+def _letter(place: float, text: str) -> Label:
+    """Return a short text at the top of a figure, right of a place."""
+    return Label(
+        x=place, y=1.0, y_range_name='share', text=text, text_baseline='top', x_offset=3,
+        text_color=INK, text_font_size='12px', background_fill_color=_WHITE,
+        background_fill_alpha=0.8,
+    )  # fmt: skip
+
+
+def _extent(columns: Iterable[Array]) -> tuple[float, float]:
+    low, high = inf, -inf
+    for values in columns:
+        low, high = min(low, float(values.min())), max(high, float(values.max()))
+    return low, high if high > low else 2.0 * low

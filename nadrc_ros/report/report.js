@@ -1,43 +1,378 @@
-// Draws the plots of a report. All plots over time show the same stretch of it.
+// Fills the plots of a report, and shows the same stretch of time and the same moment in all.
 'use strict';
 
-const CONFIG = {
-  responsive: true,
-  displaylogo: false,
-  showSendToCloud: false, // nothing leaves the machine
-  plotlyServerURL: '',
-  modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
-};
-const PRINTED = 680; // px: the width of A4 between its margins
+const { document: described, timed: over_time, runs, span, dark } = JSON.parse(
+  document.getElementById('data').textContent);
+const SPIKE = 3; // times the width of the middle 99 % is the range with a spike
+const START = 0.1; // of a run is its start, which may be cut off
 const timed = [];
-let following = false;
+const shown = { from: span[0], to: span[1], run: 0, moment: null };
+const hidden = { run: new Set(), column: new Set(['measurement']) };
+const find = (query) => document.querySelector(query);
+const every = (query) => [...document.querySelectorAll(query)];
 
-function draw(box) {
-  const figure = JSON.parse(box.querySelector('script').textContent);
-  box.textContent = '';
-  if (matchMedia('(pointer: coarse)').matches) figure.layout.dragmode = false; // a finger scrolls
-  Plotly.newPlot(box, figure.data, figure.layout, CONFIG);
-  if (box.dataset.timed) {
-    timed.push(box);
-    box.on('plotly_relayout', (change) => follow(box, change));
+// ---- samples ----
+
+function decoded(text) {
+  const bytes = Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
+  return new Float64Array(bytes.buffer);
+}
+
+for (const run of runs) {
+  for (const name of Object.keys(run.columns)) run.columns[name] = decoded(run.columns[name]);
+}
+
+/** The first row at or after a time, the number of rows if there is none. */
+function place(time, at) {
+  let [low, high] = [0, time.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (time[middle] < at) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
+/** The rows of a run that are shown, with one more on either side. */
+function rows(run) {
+  const { time } = run.columns;
+  return [Math.max(0, place(time, shown.from) - 1), Math.min(time.length, place(time, shown.to) + 1)];
+}
+
+/** The rows from a to b, or of many the lowest, the highest and any break of each stretch. */
+function kept(values, a, b, most) {
+  const length = Math.ceil((b - a) / most);
+  const found = [];
+  for (let k = a; k < b; k += length) {
+    if (length < 4) {
+      for (let i = k; i < Math.min(k + length, b); i++) found.push(i);
+      continue;
+    }
+    let [low, high, none] = [-1, -1, -1];
+    for (let i = k; i < Math.min(k + length, b); i++) {
+      if (Number.isNaN(values[i])) none = i;
+      else {
+        if (low < 0 || values[i] < values[low]) low = i;
+        if (high < 0 || values[i] > values[high]) high = i;
+      }
+    }
+    found.push(...[...new Set([low, high, none])].filter((i) => i >= 0).sort((i, j) => i - j));
+  }
+  return found;
+}
+
+function line([run, column, held], width) {
+  const { time, [column]: values } = runs[run].columns;
+  const [a, b] = rows(runs[run]);
+  const [x, y] = [[], []];
+  for (const i of kept(values, a, b, Math.max(200, width))) {
+    if (held && y.length) { x.push(time[i]); y.push(y[y.length - 1]); }
+    x.push(time[i]);
+    y.push(values[i]);
+  }
+  return { x, y };
+}
+
+// ---- plots ----
+
+/** The lowest and highest value shown of some lines, without a start or spikes that flatten all. */
+function range(lines, whole) {
+  let [low, high, lateLow, lateHigh] = [Infinity, -Infinity, Infinity, -Infinity];
+  const late = span[0] + START * (span[1] - span[0]);
+  const some = [];
+  for (const [run, column] of lines) {
+    const { time, [column]: values } = runs[run].columns;
+    let [a, b] = [place(time, shown.from), Math.min(time.length, place(time, shown.to) + 1)];
+    if (b - a < 2) [a, b] = rows(runs[run]);
+    const step = Math.max(1, Math.floor((b - a) / 2000));
+    for (let i = a; i < b; i++) {
+      const value = values[i];
+      if (Number.isNaN(value)) continue;
+      low = Math.min(low, value);
+      high = Math.max(high, value);
+      if (time[i] < late) continue;
+      lateLow = Math.min(lateLow, value);
+      lateHigh = Math.max(lateHigh, value);
+      if ((i - a) % step === 0) some.push(value);
+    }
+  }
+  if (!(low <= high)) return null;
+  const full = [low, high];
+  if (!whole) {
+    if (lateLow < lateHigh && high - low > 2.5 * (lateHigh - lateLow)) {
+      [low, high] = [lateLow, lateHigh];
+    }
+    some.sort((one, two) => one - two);
+    const [least, most] = [0.005, 0.995].map((share) => some[Math.round(share * (some.length - 1))]);
+    if (some.length > 200 && most > least && high - low > SPIKE * (most - least)) {
+      [low, high] = [least, most];
+    }
+  }
+  const room = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
+  return { low: low - room, high: high + room, cut: full[0] < low - room || full[1] > high + room, full };
+}
+
+function visible([run, column]) {
+  return !hidden.run.has(run) && !hidden.column.has(column);
+}
+
+function fill(plot) {
+  const width = plot.view.frame.bbox.width || 600;
+  for (const each of plot.lines) {
+    each.visible = visible(each.tags);
+    if (each.visible) each.data_source.data = line(each.tags, width);
+  }
+  if (find('#scale').value === 'fixed' && plot.scaled) return;
+  const found = range(plot.lines.map((each) => each.tags).filter(visible), find('#scale').value === 'all');
+  if (!found) return;
+  plot.scaled = true;
+  plot.model.y_range.setv({ start: found.low, end: found.high });
+  plot.outside.textContent = found.cut
+    ? `Cut off: the values go from ${brief(found.full[0])} to ${brief(found.full[1])}.` : '';
+}
+
+function show(from, to) {
+  const least = 1e-9 * (span[1] - span[0]);
+  if (!(to - from > least)) return;
+  [shown.from, shown.to] = [from, to];
+  timed[0]?.model.x_range.setv({ start: from, end: to });
+  timed.forEach(fill);
+  draw_cursor();
+}
+
+function zoom(factor, at = 0.5) {
+  const wide = shown.to - shown.from;
+  const from = shown.from + at * wide * (1 - factor);
+  show(Math.max(span[0], from), Math.min(span[1], from + factor * wide));
+}
+
+function move(share) {
+  const wide = shown.to - shown.from;
+  const from = Math.min(Math.max(shown.from + share * wide, span[0]), span[1] - wide);
+  show(from, from + wide);
+}
+
+// ---- cursor ----
+
+function text(value) {
+  if (!Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size && (size < 1e-4 || size >= 1e7)) return value.toExponential(3).replace('-', '−');
+  const digits = Math.max(0, Math.min(8, 4 - Math.floor(Math.log10(size || 1))));
+  return value.toFixed(Math.min(digits, 6)).replace('-', '−');
+}
+
+const brief = (value) => String(Number(value.toPrecision(3))).replace('-', '−');
+
+/** The row of a run that is nearest to a time. */
+function nearest(run, at) {
+  const { time } = run.columns;
+  const after = Math.min(place(time, at), time.length - 1);
+  return after && at - time[after - 1] < time[after] - at ? after - 1 : after;
+}
+
+function draw_cursor() {
+  const at = shown.moment;
+  for (const plot of timed) {
+    const box = plot.view.frame.bbox;
+    const share = (at - shown.from) / (shown.to - shown.from);
+    plot.cursor.hidden = at === null || share < 0 || share > 1;
+    plot.cursor.style.left = `${box.left + share * box.width}px`;
+  }
+  find('#moment').textContent = at === null ? 't = –' : `t = ${at.toFixed(decimals())} s`;
+  for (const row of every('#values tbody tr')) {
+    const run = runs[row.dataset.run];
+    const { time } = run.columns;
+    const inside = at !== null && at >= time[0] - 1e-9 && at <= time[time.length - 1] + 1e-9;
+    const i = inside ? nearest(run, at) : -1;
+    for (const cell of row.querySelectorAll('[data-column]')) {
+      const values = run.columns[cell.dataset.column];
+      cell.textContent = values && i >= 0 ? text(values[i]) : '–';
+    }
+  }
+  find('#gap').textContent = at === null ? '' : runs.flatMap(({ name, gaps }) => gaps
+    .filter(([begin, end]) => begin < at && at < end)
+    .map(([, , cause]) => (runs.length > 1 ? `${name}: ${cause}` : cause))).join('; ');
+}
+
+/** As many decimals of time as tell rows apart. */
+function decimals() {
+  const { time } = runs[shown.run].columns;
+  const usual = (time[time.length - 1] - time[0]) / Math.max(1, time.length - 1) || 1;
+  return Math.max(0, Math.min(9, Math.ceil(-Math.log10(usual)) + 1));
+}
+
+function point(at) {
+  const run = runs[shown.run];
+  shown.moment = at === null ? null : run.columns.time[nearest(run, at)];
+  draw_cursor();
+}
+
+function step(count) {
+  const { time } = runs[shown.run].columns;
+  const now = shown.moment === null ? place(time, shown.from) : nearest(runs[shown.run], shown.moment);
+  const i = Math.min(Math.max(now + count, 0), time.length - 1);
+  const wide = shown.to - shown.from;
+  if (time[i] < shown.from || time[i] > shown.to) show(time[i] - wide / 2, time[i] + wide / 2);
+  point(time[i]);
+}
+
+// ---- pointer and keys ----
+
+function listen(plot) {
+  const time = (event) => {
+    const box = plot.view.frame.bbox;
+    const x = event.clientX - plot.element.getBoundingClientRect().left - box.left;
+    return shown.from + Math.min(1, Math.max(0, x / box.width)) * (shown.to - shown.from);
+  };
+  let begin = null;
+  plot.element.addEventListener('pointerdown', (event) => {
+    if (event.pointerType === 'touch') { point(time(event)); return; }
+    if (event.button) return;
+    begin = { x: event.clientX, time: time(event) };
+    plot.element.setPointerCapture(event.pointerId);
+  });
+  plot.element.addEventListener('pointermove', (event) => {
+    point(time(event));
+    if (!begin) return;
+    const left = plot.element.getBoundingClientRect().left;
+    const [a, b] = [begin.x, event.clientX].sort((one, two) => one - two);
+    plot.chosen.hidden = b - a < 4;
+    plot.chosen.style.left = `${a - left}px`;
+    plot.chosen.style.width = `${b - a}px`;
+  });
+  plot.element.addEventListener('pointerup', (event) => {
+    if (begin && Math.abs(event.clientX - begin.x) >= 4) {
+      show(...[begin.time, time(event)].sort((one, two) => one - two));
+    }
+    begin = null;
+    plot.chosen.hidden = true;
+  });
+  plot.element.addEventListener('pointercancel', () => { begin = null; plot.chosen.hidden = true; });
+  plot.element.addEventListener('pointerleave', (event) => {
+    if (!begin && event.pointerType === 'mouse') point(null);
+  });
+  plot.element.addEventListener('dblclick', () => show(...span));
+  plot.element.addEventListener('wheel', (event) => {
+    if (!(event.ctrlKey || event.shiftKey)) return; // the page scrolls
+    event.preventDefault();
+    const at = (time(event) - shown.from) / (shown.to - shown.from);
+    zoom((event.deltaY || event.deltaX) > 0 ? 1.25 : 0.8, at);
+  }, { passive: false });
+}
+
+const ACTIONS = {
+  in: () => zoom(0.5), out: () => zoom(2), back: () => move(-0.25), on: () => move(0.25),
+  all: () => show(...span),
+};
+const KEYS = {
+  ArrowLeft: ACTIONS.back, ArrowRight: ACTIONS.on, '+': ACTIONS.in, '=': ACTIONS.in,
+  '-': ACTIONS.out, 0: ACTIONS.all, Home: ACTIONS.all, ',': () => step(-1), '.': () => step(1),
+  Escape: () => point(null),
+  y: () => {
+    const scale = find('#scale');
+    scale.selectedIndex = (scale.selectedIndex + 1) % scale.length;
+    timed.forEach(fill);
+  },
+};
+
+function toggle(button) {
+  const [kind, value] = button.dataset.run ? ['run', Number(button.dataset.run)]
+    : ['column', button.dataset.column];
+  const on = hidden[kind].delete(value);
+  if (!on) hidden[kind].add(value);
+  button.setAttribute('aria-pressed', on);
+  timed.forEach(fill);
+}
+
+/** Let one run stand out while the pointer or the focus is on its name. */
+function single_out(run) {
+  for (const plot of timed) {
+    for (const each of plot.lines) {
+      each.glyph.line_alpha = run === null || each.tags[0] === run ? 1 : 0.15;
+    }
   }
 }
 
-function follow(source, change) {
-  const range = source.layout.xaxis.range;
-  if (following || !Object.keys(change).some((key) => key.startsWith('xaxis.'))) return;
-  following = true;
-  const others = timed.filter((box) => box !== source);
-  const moves = others.map((box) => Plotly.relayout(box, { 'xaxis.range': [...range] }));
-  Promise.all(moves).finally(() => { following = false; });
+// ---- light, dark, paper ----
+
+const coloured = [];
+
+function paint(night) {
+  for (const { property, light } of coloured) property.obj[property.attr] = night ? dark[light] : light;
 }
 
-const boxes = [...document.querySelectorAll('.plot')];
-boxes.forEach(draw);
-addEventListener('beforeprint', () => {
-  document.querySelectorAll('details').forEach((each) => { each.open = true; });
-  boxes.forEach((box) => Plotly.relayout(box, { width: PRINTED }));
-});
-addEventListener('afterprint', () => {
-  boxes.forEach((box) => Plotly.relayout(box, { width: null, autosize: true }));
-});
+function remember(model) {
+  for (const property of model) {
+    const value = property.is_unset ? null : property.get_value();
+    const colour = value && typeof value === 'object' && 'value' in value ? value.value : value;
+    if (typeof colour === 'string' && colour in dark) coloured.push({ property, light: colour });
+  }
+}
+
+const night = matchMedia('(prefers-color-scheme: dark)');
+
+function print_images() {
+  paint(false);
+  for (const { view, element } of drawn) {
+    const image = element.querySelector('.printed') || element.appendChild(new Image());
+    image.className = 'printed';
+    image.alt = element.getAttribute('aria-label');
+    for (const each of view.renderer_views.values()) { // Bokeh itself does this later, too late
+      each.glyph?.set_visuals(each.model.data_source, each.all_indices);
+    }
+    image.src = view.export('png', true).canvas.toDataURL();
+  }
+  paint(night.matches);
+}
+
+// ---- start ----
+
+const drawn = [];
+
+async function start() {
+  Bokeh.logger.set_level('error');
+  const whole = Bokeh.require('document').Document.from_json(described);
+  for (const model of whole._all_models?.values() ?? whole.all_models) remember(model);
+  paint(night.matches);
+  const elements = over_time.map((each, i) => find(`#plot-${i} .canvas`));
+  const views = await Bokeh.embed.add_document_standalone(whole, document.body, elements);
+  over_time.forEach((each, i) => {
+    const model = whole.roots()[i];
+    const view = views.get(model);
+    const element = elements[i];
+    const plot = { model, view, element, outside: find(`#plot-${i} .outside`) };
+    drawn.push(plot);
+    if (!each) return;
+    plot.lines = model.renderers.filter(({ tags }) => tags?.length);
+    for (const name of ['cursor', 'chosen']) {
+      plot[name] = element.appendChild(document.createElement('div'));
+      plot[name].className = name;
+      plot[name].hidden = true;
+    }
+    timed.push(plot);
+    listen(plot);
+  });
+  show(...span);
+  every('[data-do]').forEach((button) => button.addEventListener('click', ACTIONS[button.dataset.do]));
+  every('.toggle').forEach((button) => button.addEventListener('click', () => toggle(button)));
+  every('#values tbody tr').forEach((row) => {
+    const run = Number(row.dataset.run);
+    for (const [on, off] of [['pointerenter', 'pointerleave'], ['focusin', 'focusout']]) {
+      row.addEventListener(on, () => { shown.run = run; single_out(run); });
+      row.addEventListener(off, () => single_out(null));
+    }
+  });
+  find('#scale').addEventListener('change', () => timed.forEach(fill));
+  addEventListener('keydown', (event) => {
+    if (event.target.matches('select, input') || event.ctrlKey || event.metaKey || event.altKey) return;
+    const act = KEYS[event.key];
+    if (act) { act(); event.preventDefault(); }
+  });
+  if (matchMedia('(max-width: 60rem)').matches) find('#legend').open = false;
+  night.addEventListener('change', () => paint(night.matches));
+  addEventListener('resize', draw_cursor);
+  addEventListener('beforeprint', print_images);
+  document.documentElement.dataset.ready = 'yes';
+}
+
+start();

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 from math import isnan
 
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.report.marks import NumberedChanges, text_of
-from nadrc_ros.report.tables import comparable, shown
+from nadrc_ros.report.tables import comparable, shown, shown_together
+import numpy as np
 
-# More runs are only counted in the title.
+# More runs are only counted.
 _MOST_NAMED = 3
 
 
 def title_of(runs: Mapping[str, RecordedRun]) -> str:
-    """Return the title, as plain text."""
+    """Return the title."""
     names = list(runs)
     if len(names) == 1:
         return f'Run {names[0]}'
@@ -25,21 +25,21 @@ def title_of(runs: Mapping[str, RecordedRun]) -> str:
 
 
 def summary_of(runs: Mapping[str, RecordedRun], marked: Sequence[NumberedChanges]) -> str:
-    """Return a paragraph of HTML."""
+    """Return a few sentences, as many for two runs as for twenty."""
     well = _alone if len(runs) == 1 else _compared
     sentences = [_what(runs), well(runs), *_lost(runs), _changed(marked)]
     return ' '.join(filter(None, sentences))
 
 
 def _what(runs: Mapping[str, RecordedRun]) -> str:
-    names = [f'<b>{escape(name)}</b> ({_size(run)})' for name, run in runs.items()]
+    sizes = list(dict.fromkeys(map(_size, runs.values())))
     plants = {_plant(run) for run in runs.values()}
-    plant = (
-        f' on the plant {escape(plants.pop())}' if len(plants) == 1 and '' not in plants else ''
-    )
-    started = [str(s.history.about.get('started', '')) for s in runs.values()]
-    when = f', started {escape(started[0])}' if len(started) == 1 and started[0] else ''
-    return f'{_listed(names)} ran{plant}{when}.'
+    plant = f' on the plant {plants.pop()}' if len(plants) == 1 and '' not in plants else ''
+    if len(runs) == 1:
+        started = str(next(iter(runs.values())).history.about.get('started', ''))
+        return f'{sizes[0]}{plant}{f", started {started}" if started else ""}.'
+    each = sizes[0] if len(sizes) == 1 else 'different length or rate'
+    return f'{len(runs)} runs of {each}{plant}.'
 
 
 def _size(run: RecordedRun) -> str:
@@ -58,69 +58,88 @@ def _alone(runs: Mapping[str, RecordedRun]) -> str:
     if not metrics.samples:
         return 'No sample has both an error and a command.'
     if isnan(metrics.peak_error):
-        text = f'The error stayed within {metrics.max_error:.4g}'
+        text = f'The error stayed within {_figure(metrics.max_error)}'
     else:
         begin = f'{run.figure_settings.settle_time:.4g} s'
-        text = f'From {begin} on the error stayed within {metrics.peak_error:.4g}'
-    text += f' (RMSE {metrics.rmse:.4g} over all); ITAE is {metrics.itae:.4g}'
+        text = f'From {begin} on the error stayed within {_figure(metrics.peak_error)}'
+    text += f' (RMSE {_figure(metrics.rmse)} over all); ITAE is {_figure(metrics.itae)}'
     if not isnan(metrics.saturated_fraction):
         share = shown('saturated_fraction', metrics.saturated_fraction)
         text += f', and the command was at a limit for {share} of the time'
     return text + '.'
 
 
+def _figure(value: float) -> str:
+    return shown_together('', [value])[0]
+
+
 def _compared(runs: Mapping[str, RecordedRun]) -> str:
     metrics = {name: run.metrics for name, run in runs.items()}
     if not all(m.samples for m in metrics.values()):
         return 'Not every run has samples with both an error and a command.'
-    if comparable(runs):
-        key, before = 'itae', ''
-    else:
-        key, before = 'rmse', 'The runs differ in length, and integrals grow with it: '
-    best, worst = _extremes({name: getattr(m, key) for name, m in metrics.items()})
-    text = (
-        f'{before}<b>{escape(best)}</b> has the lowest {key.upper()}, '
-        f'{getattr(metrics[best], key):.4g} against {getattr(metrics[worst], key):.4g} of '
-        f'<b>{escape(worst)}</b>'
-    )
-    if not before and metrics[worst].isu > 0.0:
-        effort = 100.0 * (metrics[best].isu / metrics[worst].isu - 1.0)
-        text += f', with {abs(effort):.1f} % {"less" if effort < 0.0 else "more"} effort (ISU)'
+    same = comparable(runs)
+    key = 'itae' if same else 'rmse'
+    before = '' if same else 'The runs differ in length, and integrals grow with it: '
+    values = {name: float(getattr(each, key)) for name, each in metrics.items()}
+    best, second, *_ = sorted(values, key=values.__getitem__)
+    lead = 100.0 * (1.0 - values[best] / values[second]) if values[second] else 0.0
+    if lead < 0.05:
+        return f'{before}{best} and {second} share the lowest {key.upper()}.'
+    text = f'{before}Lowest {key.upper()}: {best}, {lead:.2g} % below {second}'
+    if same and metrics[second].isu > 0.0:
+        effort = 100.0 * (metrics[best].isu / metrics[second].isu - 1.0)
+        text += f', with {abs(effort):.2g} % {"less" if effort < 0.0 else "more"} effort (ISU)'
     return text + '.'
 
 
-def _extremes(values: Mapping[str, float]) -> tuple[str, str]:
-    key: Callable[[str], float] = values.__getitem__
-    return min(values, key=key), max(values, key=key)
-
-
 def _lost(runs: Mapping[str, RecordedRun]) -> list[str]:
-    found = [f'<b>{escape(name)}</b>: {loss}' for name, s in runs.items() for loss in losses(s)]
-    if found:
-        return [f'Beware of {"; ".join(found)}.']
-    if any(s.summary.get('samples_lost') is None for s in runs.values()):
+    """Return what the runs lack, runs that lack the same in one sentence."""
+    lacking: dict[str, list[str]] = {}
+    for name, run in runs.items():
+        for loss in losses(run):
+            lacking.setdefault(loss, []).append(name)
+    if len(lacking) > _MOST_NAMED:
+        lacking = {
+            'lacks some of its samples: see the table': list(
+                dict.fromkeys(name for names in lacking.values() for name in names)
+            )
+        }
+    if lacking:
+        return [f'{_whose(names, runs)} {text}.' for text, names in lacking.items()]
+    if any(run.summary.get('samples_lost') is None for run in runs.values()):
         return ['Whether samples were lost is not known.']
     return ['Nothing was lost.']
 
 
+def _whose(names: Sequence[str], runs: Mapping[str, RecordedRun]) -> str:
+    if len(names) == len(runs):
+        return 'The run' if len(runs) == 1 else 'Every run'
+    if len(names) > _MOST_NAMED:
+        return f'Of {len(runs)} runs each of {len(names)}'
+    return ' and '.join(names) if len(names) == 1 else f'Each of {", ".join(names)}'
+
+
 def losses(run: RecordedRun) -> list[str]:
-    """Return what a run lacks, in words, as HTML."""
+    """Return what a run lacks, each as the end of a sentence that begins with its name."""
     found = []
     summary, metrics = run.summary, run.metrics
     lost = summary.get('samples_lost')
     by_signal = summary.get('samples_lost_by_signal')
     if isinstance(lost, int) and lost:
         signals = by_signal if isinstance(by_signal, dict) else {}
-        named = ', '.join(f'{escape(str(k))} {escape(str(n))}' for k, n in signals.items())
-        found.append(f'{lost} samples lost by the recorder' + (f' ({named})' if named else ''))
+        named = ', '.join(f'{k} {n}' for k, n in signals.items())
+        found.append(
+            f'lacks {lost} samples that the recorder lost{f" ({named})" if named else ""}'
+        )
     elif run.gaps:
-        found.append(f'{run.gaps} measurements missing')
+        share = 100.0 * run.gaps / (run.gaps + np.isfinite(run.columns['measurement']).sum())
+        found.append(f'misses {share:.2g} % of its measurements')
     if summary.get('complete') is not True and run.figures is not None:
-        found.append('the recorder did not end the run, and these are the samples that it saved')
+        found.append('was not ended by the recorder: these are the samples that it saved')
     if run.gap_time:
-        found.append(f'{run.gap_time:.3g} s without a row, which no figure counts')
+        found.append(f'has {run.gap_time:.3g} s without a row, which no figure counts')
     if metrics.skipped:
-        found.append(f'{metrics.skipped} samples not finite, which no figure counts')
+        found.append(f'has {metrics.skipped} samples not finite, which no figure counts')
     return found
 
 
@@ -128,12 +147,5 @@ def _changed(marked: Sequence[NumberedChanges]) -> str:
     count = sum(len(mark.changes) for mark in marked)
     if not count:
         return ''
-    return f'There {"were" if count > 1 else "was"} {_counted(count)} on the way.'
-
-
-def _counted(count: int) -> str:
-    return f'{count} changes of parameters' if count > 1 else 'one change of a parameter'
-
-
-def _listed(items: Sequence[str]) -> str:
-    return ', '.join(items[:-1]) + ' and ' + items[-1] if len(items) > 1 else items[0]
+    what = f'{count} parameters were' if count > 1 else 'One parameter was'
+    return f'{what} changed during the run.'

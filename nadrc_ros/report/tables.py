@@ -1,16 +1,16 @@
-"""The tables of a report, as HTML: whatever comes from files is escaped here."""
+"""The tables of a report, as text: the template escapes what comes from files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
-from math import isnan
+from itertools import pairwise
+from math import floor, isfinite, isnan, log10
+from typing import NamedTuple
 
 import attrs
 from nadrc_ros.records.history import Event
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
-from nadrc_ros.report.markup import table
 import numpy as np
 
 FIGURES = (
@@ -50,43 +50,85 @@ def comparable(runs: Mapping[str, RecordedRun]) -> bool:
     return min(durations) >= 0.99 * max(durations)
 
 
-def figures_of_merit(runs: Mapping[str, RecordedRun]) -> str:
-    """Return a row for each figure; the lowest in bold, all digits where the pointer rests."""
+class Cell(NamedTuple):
+    """A cell of a table: its text, what explains it, all digits, and whether it wins."""
+
+    text: str
+    note: str = ''
+    title: str = ''
+    wins: bool = False
+
+
+class Table(NamedTuple):
+    """A table; columns before ``words`` hold words, the others numbers."""
+
+    header: list[str]
+    rows: list[list[Cell]]
+    words: int = 1
+
+
+def figures_of_merit(runs: Mapping[str, RecordedRun]) -> Table:
+    """Return a row for each figure; the lowest wins, all digits where the pointer rests."""
     rows = []
     for key, label, meaning in FIGURES:
         values = [float(getattr(run.metrics, key)) for run in runs.values()]
         rivals = values if comparable(runs) else []
-        cells = [_MISSING if isnan(value) else _figure(key, value, rivals) for value in values]
-        rows.append([_labelled(f'<b>{label}</b>', meaning), *cells])
-    rows += _counted(runs)
-    return table(['', *map(escape, runs)], rows)
+        texts = shown_together(key, values)
+        cells = [
+            Cell(text, title='' if isnan(value) else repr(value), wins=wins(value, rivals))
+            for text, value in zip(texts, values)
+        ]
+        rows.append([Cell(label, meaning), *cells])
+    return Table(['', *runs], rows + _counted(runs))
 
 
-def _figure(key: str, value: float, rivals: Sequence[float]) -> str:
-    text = f'<span title="{value!r}">{shown(key, value)}</span>'
-    return f'<b>{text}</b>' if wins(value, rivals) else text
+def shown_together(key: str, values: Sequence[float]) -> list[str]:
+    """
+    Return figures that are read beside each other, with the same decimals.
+
+    Their smallest difference shows two digits, as far as that needs no more than six digits of the
+    largest, which shows at least three.
+    """
+    if key == 'saturated_fraction':
+        return [_MISSING if isnan(value) else f'{100.0 * value:.1f} %' for value in values]
+    known = sorted({value for value in values if isfinite(value)})
+    largest = max((abs(value) for value in known), default=0.0)
+    if not largest:
+        return [_MISSING if isnan(value) else f'{value:g}' for value in values]
+    leading = floor(log10(largest))
+    least, most = 2 - leading, 5 - leading
+    gaps = [high - low for low, high in pairwise(known)]
+    decimals = least + 1 if not gaps else 1 - floor(log10(min(gaps)))
+    decimals = max(0, min(max(decimals, least), most))
+    shift = -leading if leading < -4 else 0
+    scale, unit = 10.0**shift, f'\u2009·\u200910{_superscript(-shift)}' if shift else ''
+    return [
+        f'{scale * value:.{decimals - shift}f}{unit}' if isfinite(value) else _MISSING
+        for value in values
+    ]
 
 
-def _labelled(label: str, meaning: str) -> str:
-    return f'{label} <span class="meaning">{meaning}</span>'
+def _superscript(number: int) -> str:
+    return str(number).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))
 
 
-def _counted(runs: Mapping[str, RecordedRun]) -> list[list[str]]:
+def _counted(runs: Mapping[str, RecordedRun]) -> list[list[Cell]]:
     every = runs.values()
     lost = (_count(run.summary.get('samples_lost')) for run in every)
-    return [
-        [_labelled('rows', 'samples recorded'), *(str(len(s.time)) for s in every)],
-        [_labelled('missing', 'periods without a measurement'), *(str(s.gaps) for s in every)],
-        [_labelled('lost', 'by the recorder, of all signals'), *lost],
-        [_labelled('skipped', 'counted in no figure'), *(str(s.metrics.skipped) for s in every)],
-    ]
+    found = {
+        ('rows', 'samples recorded'): (str(len(s.time)) for s in every),
+        ('missing', 'periods without a measurement'): (str(s.gaps) for s in every),
+        ('lost', 'by the recorder, of all signals'): lost,
+        ('skipped', 'counted in no figure'): (str(s.metrics.skipped) for s in every),
+    }
+    return [[Cell(*label), *map(Cell, counts)] for label, counts in found.items()]
 
 
 def _count(value: object) -> str:
     return str(value) if isinstance(value, int) else _MISSING
 
 
-def changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
+def changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> Table | None:
     """Return a row for each change of a parameter, with the number of its mark in the plots."""
     rows = [
         {
@@ -104,8 +146,8 @@ def changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> str:
     return _listing(rows, several=len(runs) > 1)
 
 
-def events(runs: Mapping[str, RecordedRun]) -> str:
-    """Return a row for each thing that happened during the runs, '' if nothing is known of it."""
+def events(runs: Mapping[str, RecordedRun]) -> Table | None:
+    """Return a row for each thing that happened during the runs, None if nothing is known."""
     found = [
         (event.time, name, event)
         for name, run in runs.items()
@@ -124,11 +166,11 @@ def events(runs: Mapping[str, RecordedRun]) -> str:
     return _listing(rows, several=len(runs) > 1)
 
 
-def _listing(rows: Sequence[Mapping[str, str]], several: bool) -> str:
-    """Return a table of plain text by column, without that of the run where there is only one."""
+def _listing(rows: Sequence[Mapping[str, str]], several: bool) -> Table | None:
+    """Return a table of text by column, without that of the run where there is only one."""
     header = [name for name in (rows[0] if rows else ()) if several or name != 'run']
-    cells = [[escape(row[name]) for name in header] for row in rows[:MOST_LISTED]]
-    return table(header, cells, words=range(len(header))) if rows else ''
+    cells = [[Cell(row[name]) for name in header] for row in rows[:MOST_LISTED]]
+    return Table(header, cells, words=len(header)) if rows else None
 
 
 def _with_ends(events: Sequence[Event]) -> list[Event]:
@@ -143,18 +185,18 @@ def _with_ends(events: Sequence[Event]) -> list[Event]:
     return found
 
 
-def timing(columns: Mapping[str, Array]) -> str:
+def timing(columns: Mapping[str, Array]) -> Table:
     """Return median, 99 % and largest of times [s], in milliseconds, a row for each run."""
     rows = []
     for name, values in columns.items():
         found = [np.median(values), np.quantile(values, 0.99), values.max()] if values.size else []
         cells = [f'{1e3 * value:.3f}' for value in found] or [_MISSING] * 3
-        rows.append([escape(name), str(values.size), *cells])
-    return table(['', 'samples', 'median [ms]', '99 % [ms]', 'largest [ms]'], rows)
+        rows.append(list(map(Cell, [name, str(values.size), *cells])))
+    return Table(['', 'samples', 'median [ms]', '99 % [ms]', 'largest [ms]'], rows)
 
 
-def parameters(runs: Mapping[str, RecordedRun], different: bool) -> str:
-    """Return the first values of all parameters, or of those in which runs differ; '' if none."""
+def parameters(runs: Mapping[str, RecordedRun], different: bool) -> Table | None:
+    """Return the first values of all parameters, or of those in which runs differ."""
     found = {
         title: {
             (node_of(node), name): text_of(value)
@@ -167,19 +209,20 @@ def parameters(runs: Mapping[str, RecordedRun], different: bool) -> str:
     for node, name in dict.fromkeys(key for values in found.values() for key in values):
         cells = [values.get((node, name), _MISSING) for values in found.values()]
         if not different or (len(set(cells)) > 1 and not name.startswith(_WIRING)):
-            rows.append([escape(node), escape(name), *map(escape, cells)])
-    header = ['node', 'parameter', *map(escape, runs)]
-    return table(header, rows, words=range(len(header))) if rows else ''
+            rows.append(list(map(Cell, [node, name, *cells])))
+    header = ['node', 'parameter', *runs]
+    return Table(header, rows, words=len(header)) if rows else None
 
 
-def origin(runs: Mapping[str, RecordedRun]) -> str:
+def origin(runs: Mapping[str, RecordedRun]) -> Table:
     """Return where each run was read from, when it was started, and by what versions."""
     found = {name: _origin(run) for name, run in runs.items()}
+    keys = list(dict.fromkeys(key for values in found.values() for key in values))
     rows = [
-        [escape(key), *(escape(values.get(key, _MISSING)) for values in found.values())]
-        for key in dict.fromkeys(key for values in found.values() for key in values)
+        list(map(Cell, [name, *(values.get(key, _MISSING) for key in keys)]))
+        for name, values in found.items()
     ]
-    return table(['', *map(escape, runs)], rows, words=range(1 + len(runs)))
+    return Table(['', *keys], rows, words=1 + len(keys))
 
 
 def _origin(run: RecordedRun) -> dict[str, str]:
