@@ -1,22 +1,28 @@
 """
-Draws the runs that the pages on single features show: `python docs/pictures.py [PAGE ...]`.
+Draws the pictures of runs that README and docs show: `python docs/pictures.py [NAME ...]`.
 
-Each page has a scenario of its own in examples/loops, whose controllers are compared: output with
-reference above, command below, in docs/PAGE.svg.
+Each page on a single feature has a scenario of its own in examples/loops, whose controllers are
+compared: output with reference above, command below, in docs/NAME.svg. A test draws all of them
+anew and compares their texts and lines.
 """
 
 from __future__ import annotations
 
-from hashlib import sha256
 from pathlib import Path
+import re
 import sys
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from nadrc_ros.report.picture import STYLE, turning
-from nadrc_ros.report.roles import COLOURS, INK
-from nadrc_ros.scenario.files import load
-from nadrc_ros.simulation.simulate import Result
+from nadrc_ros.cli.design import loops
+from nadrc_ros.report.bode import draw_bode
+from nadrc_ros.report.marks import retune_marks, title_of
+from nadrc_ros.report.picture import draw, turning
+from nadrc_ros.report.roles import looks, REFERENCE
+from nadrc_ros.report.style import render, STYLE
+from nadrc_ros.scenario.files import find_scenario, load
+from nadrc_ros.tuning.design.first_design import first_design
+from nadrc_ros.tuning.design.requirements import Requirements
 import numpy as np
 
 HERE = Path(__file__).parent
@@ -34,36 +40,42 @@ PAGES: dict[str, tuple[float, float]] = {
     'reference': (0.2, 2.8),
     'delay': (0.3, 4.0),
 }
+NAMES = ('demo', 'choosing', *PAGES)
+# Detail of a line that is left out [px]: nobody sees it, and files are smaller.
+_SIMPLIFIED = 0.25
 
 
-def runs(page: str) -> dict[str, Result]:
-    """Return the runs of the controllers that a page compares, by name."""
-    scenario = load(SCENARIOS / f'{page}.yaml')
-    return {name: scenario.run(name) for name in scenario.controllers}
+def demo() -> Figure:
+    """Return the picture of the README: what `nadrc simulate demo --plot` draws."""
+    scenario = load(find_scenario('demo'))
+    results = {name: scenario.run(name) for name in scenario.controllers}
+    return draw(results, title_of('demo', scenario), retune_marks(scenario))
 
 
-def digest(results: dict[str, Result]) -> str:
-    """Return a short hash of what is drawn, to six digits, by which a stale picture is told."""
-    sha = sha256()
-    for name, result in results.items():
-        sha.update(name.encode())
-        for values in (result.reference, result.output, result.command):
-            sha.update(' '.join(f'{value:.6g}' for value in values).encode())
-    return sha.hexdigest()[:16]
+def choosing() -> Figure:
+    """Return the Bode plots of the `nadrc design` at the top of choosing.md."""
+    page = (HERE / 'choosing.md').read_text(encoding='utf-8')
+    asked = dict(re.findall(r'--(\S+) ([\d.]+)', page.split('nadrc design')[1].split('--out')[0]))
+    wanted = {name.replace('-', '_'): float(value) for name, value in asked.items()}
+    found = first_design(Requirements(**wanted | {'order': int(wanted['order'])}))
+    band = found.wanted.disturbance_frequency
+    return draw_bode(loops(found), found.chosen.name, found.title, band)
 
 
-def draw(page: str) -> None:
-    """Write the picture of a page."""
-    results, window = runs(page), PAGES[page]
-    with rc_context(STYLE | {'svg.fonttype': 'none', 'svg.hashsalt': page}):
+def feature(page: str) -> Figure:
+    """Return the picture of the page on a feature."""
+    scenario, window = load(SCENARIOS / f'{page}.yaml'), PAGES[page]
+    results = {name: scenario.run(name) for name in scenario.controllers}
+    with rc_context(STYLE):
         figure = Figure(figsize=(8.0, 4.2), layout='constrained')
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         first = next(iter(results.values()))
-        reference = turning(first)['reference']
-        above.plot(first.time, reference, color=INK, linestyle='--', label='reference')
-        for (name, result), colour in zip(results.items(), COLOURS, strict=False):
-            above.plot(result.time, result.output, color=colour, label=name.replace('_', ' '))
-            below.step(result.time, result.command, where='post', color=colour)
+        dashed = {'color': REFERENCE, 'linestyle': '--', 'label': 'reference'}
+        above.plot(first.time, turning(first)['reference'], **dashed)
+        for name, look in looks(results).items():
+            result, line = results[name], {'color': look.colour, 'linestyle': look.dash}
+            above.plot(result.time, result.output, label=name.replace('_', ' '), **line)
+            below.step(result.time, result.command, where='post', **line)
         above.set_title('output y and reference r')
         below.set_title('command u')
         below.set_xlabel('time [s]')
@@ -73,12 +85,27 @@ def draw(page: str) -> None:
             seen = np.concatenate([y[(window[0] <= x) & (x <= window[1])] for x, y in lines])
             margin = 0.06 * float(np.ptp(seen)) or 1.0
             axes.set_ylim(float(seen.min()) - margin, float(seen.max()) + margin)
-        above.legend(loc='best', frameon=False, ncols=2)
-        figure.savefig(
-            HERE / f'{page}.svg', metadata={'Date': None, 'Description': digest(results)}
-        )
+        above.legend(loc='best', ncols=2)
+    return figure
+
+
+def figure(name: str) -> Figure:
+    """Return a picture."""
+    special = {'demo': demo, 'choosing': choosing}
+    with rc_context({'path.simplify_threshold': _SIMPLIFIED}):
+        return special[name]() if name in special else feature(name)
+
+
+def svg(figure: Figure) -> bytes:
+    """Return a picture as SVG, whose panels and lines are named, so that they can be compared."""
+    with rc_context({'path.simplify_threshold': _SIMPLIFIED}):
+        for i, axes in enumerate(figure.axes):
+            axes.patch.set_gid(f'panel {i}')
+            for k, line in enumerate(axes.get_lines()):
+                line.set_gid(f'line {i} {k}')
+        return render(figure, 'svg')
 
 
 if __name__ == '__main__':
-    for asked in sys.argv[1:] or PAGES:
-        draw(asked)
+    for asked in sys.argv[1:] or NAMES:
+        (HERE / f'{asked}.svg').write_bytes(svg(figure(asked)))

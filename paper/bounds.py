@@ -17,6 +17,7 @@ from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.observer import update
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
+from nadrc_ros.report.style import plain_log_ticks
 from nadrc_ros.theory.bounds import error_rate, lyapunov, residuals, sharp, theorem_1
 import numpy as np
 from paper.drawing import CONVENTIONAL, in_style, INK, NESTED, panels, PRINTED
@@ -186,6 +187,7 @@ def figures(result: Result) -> dict[str, Figure]:
     for axis in axes[0]:
         axis.set_xscale('log')
         axis.set_yscale('log')
+        plain_log_ticks(axis)
         low, high = axis.get_ylim()
         axis.set_ylim(low, high * 8.0)
         axis.legend(loc='upper right', ncol=1)

@@ -1,16 +1,15 @@
-"""The look of the pictures of the reproduction, and their files: the same bytes every time."""
+"""The look of the pictures of the reproduction."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from io import BytesIO
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from nadrc_ros.report.picture import STYLE
 from nadrc_ros.report.roles import COLOURS, GREY, INK
+from nadrc_ros.report.style import STYLE
 import numpy as np
 
 Draw = Callable[[dict[str, Any]], dict[str, Figure]]
@@ -22,12 +21,7 @@ DIGITS = 5
 NESTED, CONVENTIONAL, GREEN, PRINTED, LITERAL, SKY = COLOURS
 LOOK = {
     **STYLE,
-    'font.family': 'DejaVu Sans',
-    'legend.frameon': False,
     'legend.fontsize': 8.5,
-    'svg.fonttype': 'path',
-    'svg.hashsalt': 'nadrc',
-    'text.parse_math': True,  # the ticks of logarithmic axes
 }
 
 __all__ = [
@@ -42,7 +36,6 @@ __all__ = [
     'common_legend',
     'in_style',
     'panels',
-    'render',
     'thinned',
 ]
 
@@ -70,15 +63,6 @@ def common_legend(figure: Figure, side: str, columns: int) -> None:
     height = legend.get_window_extent().height / figure.bbox.height
     bottom = height if side == 'lower' else 0.0
     figure.set_layout_engine('constrained', rect=(0.0, bottom, 1.0, 1.0 - height))
-
-
-def render(figure: Figure, file_format: str) -> bytes:
-    """Return the figure as the contents of a file, one of ``FORMATS``, without date or chance."""
-    buffer = BytesIO()
-    metadata = {'Date': None, 'Creator': None} if file_format == 'svg' else {'Software': None}
-    with rc_context(LOOK):
-        figure.savefig(buffer, format=file_format, dpi=150, metadata=metadata)
-    return buffer.getvalue()
 
 
 def thinned(columns: dict[str, Any], points: int = POINTS) -> dict[str, list[float]]:

@@ -18,6 +18,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.report.style import plain_log_ticks
 from nadrc_ros.scenario import load
 from nadrc_ros.simulation.experiment import Experiment
 from paper.drawing import (
@@ -164,7 +165,7 @@ def figures(result: Result) -> dict[str, Figure]:
         axis.xaxis.set(major_locator=FixedLocator(BUDGETS), minor_locator=NullLocator())
         axis.xaxis.set_major_formatter('{x:g}')
     axes[0, 1].set_yscale('log')
-    axes[0, 1].yaxis.set_major_formatter('{x:g}')
+    plain_log_ticks(axes[0, 1])
     common_legend(figure, 'lower', 3)
     return {'fair': figure}
 

@@ -8,8 +8,9 @@ import json
 from typing import Any
 
 from nadrc_ros.atomic import FORMAT, format_of
+from nadrc_ros.report.style import render
 from paper.article import article
-from paper.drawing import FORMATS, render
+from paper.drawing import FORMATS
 from paper.section import Result, Section
 
 # The order of the article.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import attrs
 from matplotlib.figure import Figure
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.report.style import plain_log_ticks
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.noise import Noise
@@ -85,6 +86,7 @@ def figures(result: Result) -> dict[str, Figure]:
         axis.set_title(TITLES[name])
         axis.set_xlabel('time [s]')
     axes[0, 0].set_yscale('symlog', linthresh=10.0)
+    plain_log_ticks(axes[0, 0])
     axes[0, 0].set_ylabel('command u')
     axes[0, 0].legend(loc='lower right')
     return {'startup': figure}

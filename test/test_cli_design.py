@@ -87,7 +87,7 @@ def test_the_picture_marks_the_margins() -> None:
     assert unwrapped(drawn)[0] == pytest.approx(-101.4, abs=0.1)
     turned = drawn._replace(loop=drawn.loop / (1j * omega) ** 3, crossover=1.1)
     assert unwrapped(turned)[-1] == pytest.approx(unwrapped(drawn)[-1] + 90.0)
-    figure = draw_bode({'mine': drawn}, 'title', band=1.0)
+    figure = draw_bode({'mine': drawn}, 'mine', 'title', band=1.0)
     texts = [text.get_text() for axis in figure.axes for text in axis.texts]
     figure.draw_without_rendering()
     labels = [text.get_text() for axis in figure.axes for text in axis.get_xticklabels()]

@@ -15,7 +15,8 @@ from typing import Any
 from nadrc_ros.atomic import write_whole
 from nadrc_ros.cli.app import app
 from nadrc_ros.report.marks import Mark
-from nadrc_ros.report.picture import draw, render
+from nadrc_ros.report.picture import draw
+from nadrc_ros.report.style import render
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.scenario.mapping import from_mapping
 import numpy as np

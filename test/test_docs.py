@@ -169,15 +169,6 @@ def test_the_picture_of_the_floors_is_that_of_the_arrows() -> None:
     assert all(height[below] < height[floor] for floor in ARROWS for below in ARROWS[floor])
 
 
-def test_the_pictures_of_features_are_of_the_runs_of_today() -> None:
-    sys.path.insert(0, str(ROOT / 'docs'))
-    pictures: Any = import_module('pictures')
-    assert {path.stem for path in pictures.SCENARIOS.glob('*.yaml')} == set(pictures.PAGES)
-    for page in pictures.PAGES:
-        drawn = (ROOT / 'docs' / f'{page}.svg').read_text(encoding='utf-8')
-        assert pictures.digest(pictures.runs(page)) in drawn, f'python docs/pictures.py {page}'
-
-
 def test_what_the_tour_of_the_architecture_names_is_there() -> None:
     rows = re.findall(r'^\| `([^`]+)`(?: `([^`]+)`)? \|', ARCHITECTURE, re.MULTILINE)
     assert len(rows) > 10

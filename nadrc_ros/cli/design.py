@@ -105,8 +105,8 @@ def _column(
     }
 
 
-def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
-    """Return the chosen loop, and the others of equal noise."""
+def loops(found: 'FirstDesign') -> 'dict[str, Loop]':
+    """Return the loops of all candidates, for a picture."""
     from math import pi
 
     from nadrc_ros.report.bode import Loop
@@ -115,18 +115,19 @@ def _loops(found: 'FirstDesign') -> 'dict[str, Loop]':
 
     wc, nyquist = found.chosen.settings.controller_bandwidth, pi * found.wanted.rate
     omega = np.geomspace(0.03 * wc, nyquist, _CURVE_POINTS)
-    loops = {}
-    for candidate in sorted(found.candidates, key=lambda c: c is not found.chosen):
+    drawn = {}
+    for candidate in found.candidates:
         m = candidate.prediction.margins
-        drawn = curves(candidate.settings, found.wanted, omega)
-        loops[candidate.name] = Loop(*drawn, m.crossover, m.phase, (m.gain_low, m.gain_high))
-    return loops
+        responses = curves(candidate.settings, found.wanted, omega)
+        gains = m.gain_low, m.gain_high
+        drawn[candidate.name] = Loop(*responses, m.crossover, m.phase, gains)
+    return drawn
 
 
 def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
     from nadrc_ros.atomic import write_json, write_whole
     from nadrc_ros.report.bode import draw_bode
-    from nadrc_ros.report.picture import render
+    from nadrc_ros.report.style import render
     from nadrc_ros.scenario import dump
     from nadrc_ros.scenario.parameter_files import (
         about_reference,
@@ -137,7 +138,8 @@ def _write(out: Path, found: 'FirstDesign', expected: 'dict[str, Expected]') -> 
 
     out.mkdir(parents=True, exist_ok=True)
     parameters = controller_parameters(found.chosen.settings, found.wanted.rate)
-    figure = draw_bode(_loops(found), found.title, found.wanted.disturbance_frequency)
+    band = found.wanted.disturbance_frequency
+    figure = draw_bode(loops(found), found.chosen.name, found.title, band)
     write_whole(out / 'design.yaml', parameter_text({ANY_CONTROLLER: parameters}).encode())
     write_whole(out / 'scenario.yaml', dump(found.scenario).encode())
     write_whole(out / 'bode.png', render(figure, 'png'))

@@ -68,7 +68,8 @@ def report(
 def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:
     from nadrc_ros.atomic import write_whole
     from nadrc_ros.report.marks import numbered
-    from nadrc_ros.report.picture import draw, render
+    from nadrc_ros.report.picture import draw
+    from nadrc_ros.report.style import render
     from nadrc_ros.report.summary import title_of
 
     marks = [each.mark() for each in numbered({name: run.changes for name, run in runs.items()})]

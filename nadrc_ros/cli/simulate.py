@@ -62,7 +62,8 @@ def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') 
 def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
     from nadrc_ros.atomic import write_whole
     from nadrc_ros.report.marks import retune_marks, title_of
-    from nadrc_ros.report.picture import draw, render
+    from nadrc_ros.report.picture import draw
+    from nadrc_ros.report.style import render
 
     figure = draw(results, title_of(name, scenario), retune_marks(scenario))
     write_whole(path, render(figure, path.suffix.lstrip('.')))

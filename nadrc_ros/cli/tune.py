@@ -207,9 +207,10 @@ def _finish(
 ) -> None:
     from nadrc_ros.atomic import write_json, write_whole
     from nadrc_ros.report.marks import title_of
-    from nadrc_ros.report.picture import render
+    from nadrc_ros.report.style import render
     from nadrc_ros.scenario.parameter_files import about_reference
-    from nadrc_ros.tuning.search.result import document, draw, texts, tuned
+    from nadrc_ros.tuning.search.picture import draw
+    from nadrc_ros.tuning.search.result import document, texts, tuned
 
     found = [tuned(study, one, isu, number) for one, study in studies.items()]
     title = title_of(name, scenario)

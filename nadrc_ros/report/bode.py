@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from nadrc_ros.records.recorded_run import Array
-from nadrc_ros.report.picture import STYLE
 from nadrc_ros.report.roles import GREY, INK, looks
+from nadrc_ros.report.style import plain_log_ticks, STYLE
 import numpy as np
 import numpy.typing as npt
 
@@ -38,28 +37,29 @@ class Loop(NamedTuple):
     gains: tuple[float, float]
 
 
-def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figure:
+def draw_bode(loops: Mapping[str, Loop], chosen: str, title: str, band: float = 0.0) -> Figure:
     """
     Return four panels: disturbance to output, noise to command, gain and phase of the open loop.
 
-    The margins marked are those of the first loop. ``band`` [rad/s] is the highest frequency of
+    The margins marked are those of the chosen loop. ``band`` [rad/s] is the highest frequency of
     the disturbance, 0 for none.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=_SIZE)
         ((rejection, noise), (gain, phase)) = figure.subplots(2, 2, sharex=True)
         styles = looks(loops)
-        for i, (name, loop) in reversed(list(enumerate(loops.items()))):
+        for name, loop in loops.items():
+            first = name == chosen
             look: dict[str, Any] = {'color': styles[name].colour, 'linestyle': styles[name].dash}
-            look |= {'zorder': 3 - i}
-            look |= {'linewidth': 2.0 if i == 0 else 1.2, 'label': name}
+            look |= {'linewidth': 2.0 if first else 1.2, 'zorder': 3 if first else 2}
+            look |= {'label': f'{name}, chosen' if first and len(loops) > 1 else name}
             rejection.loglog(loop.omega, loop.disturbance_to_output, **look)
             noise.loglog(loop.omega, loop.noise_to_command, **look)
             gain.loglog(loop.omega, np.abs(loop.loop), **look)
             phase.semilogx(loop.omega, unwrapped(loop), **look)
-        first = next(iter(loops.values()))
-        _mark_gains(gain, first)
-        _mark_phase(phase, first)
+        best = loops[chosen]
+        _mark_gains(gain, best)
+        _mark_phase(phase, best)
         rejection.set_title('disturbance to output  |y / d|  [output unit / unit of y⁽ⁿ⁾]')
         noise.set_title('noise to command  |u / noise|  [command unit / output unit]')
         gain.set_title('open loop, gain  |L|')
@@ -69,14 +69,11 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
             top = 2.0 * max(getattr(loop, column).max() for loop in loops.values())
             axis.set_ylim(top * 10.0**-_DECADES_DEEP, top)
         for axis in (rejection, noise, gain, phase):
-            for one in (axis.xaxis, axis.yaxis):
-                if one.get_scale() == 'log':
-                    one.set_major_formatter('{x:g}')  # others need text.parse_math
-                    one.set_minor_formatter(NullFormatter())
-            axis.set_xlim(first.omega[0], first.omega[-1])
-            axis.axvline(first.omega[-1], color=GREY, linewidth=0.8)
+            axis.set_xlim(best.omega[0], best.omega[-1])
+            axis.axvline(best.omega[-1], color=GREY, linewidth=0.8)
+        plain_log_ticks(rejection, noise, gain, phase)
         if band > 0.0:
-            rejection.axvspan(first.omega[0], band, color=GREY, alpha=0.15, linewidth=0.0)
+            rejection.axvspan(best.omega[0], band, color=GREY, alpha=0.15, linewidth=0.0)
             rejection.annotate(
                 'disturbance', (band, 0.03), **_in_axis(rejection, (-3, 0), 'right')
             )
@@ -85,12 +82,11 @@ def draw_bode(loops: Mapping[str, Loop], title: str, band: float = 0.0) -> Figur
         handles, names = rejection.get_legend_handles_labels()
         figure.suptitle(title, x=0.075, y=0.985, ha='left', va='top', weight='bold')
         figure.legend(
-            handles[::-1],
-            names[::-1],
+            handles,
+            names,
             loc='upper left',
             bbox_to_anchor=(0.07, 0.955),
             ncol=4,
-            frameon=False,
             borderaxespad=0.0,
         )
         figure.subplots_adjust(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from copy import deepcopy
 import json
 
+from nadrc_ros.report.style import render
 from nadrc_ros.scenario import find_scenario, load
 from paper import attribution
-from paper.drawing import render
 from paper.section import Result
 import pytest
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.report.style import render
 from nadrc_ros.scenario import find_scenario, load, loads
 from nadrc_ros.tuning.search.score import FIRST_SEED
 from paper import fair
-from paper.drawing import render
 from paper.fair import AIMS, BUDGETS
 from paper.section import Result
 import pytest

@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 from xml.etree import ElementTree
 
+from figure_helpers import flaws
 from jinja2 import Environment
 from nadrc_ros.theory.bounds import error_rate, lyapunov
 from paper import __main__ as command
@@ -36,6 +37,13 @@ def test_the_article_is_well_formed_and_has_every_section(page: str) -> None:
     for section in run.sections():
         assert section.title in headings
     assert next(root.iter('h1')) is not None
+
+
+def test_the_pictures_can_be_read(out: Path) -> None:
+    results = json.loads((out / 'paper.json').read_text(encoding='utf-8'))
+    for section in run.sections():
+        for stem, figure in section.figures(results[section.name]).items():
+            assert flaws(figure) == [], stem
 
 
 def test_the_article_needs_nothing_else(page: str) -> None:

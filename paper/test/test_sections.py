@@ -8,10 +8,11 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.report.style import render
 from nadrc_ros.simulation.noise import Noise
 import numpy as np
 from paper import bounds, differentiator, rates, startup
-from paper.drawing import render, thinned
+from paper.drawing import thinned
 from paper.loop import run
 from paper.section import Result, Section
 import pytest

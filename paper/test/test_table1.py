@@ -6,11 +6,11 @@ from copy import deepcopy
 import json
 from math import sqrt
 
+from nadrc_ros.report.style import render
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.simulation.simulate import simulate
 import numpy as np
 from paper import table1
-from paper.drawing import render
 from paper.published import ALL, TABLE_1
 from paper.section import Result
 import pytest

@@ -1,22 +1,16 @@
-"""What a tuning found: the numbers of each controller, the files that keep them, the picture."""
+"""What a tuning found: the numbers of each controller, and the files that keep them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from itertools import cycle
 import platform
 from typing import Any
 
 import attrs
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.report.picture import STYLE
-from nadrc_ros.report.roles import COLOURS, INK
 from nadrc_ros.scenario import dump, Scenario
 from nadrc_ros.scenario.parameter_files import node_parameters, parameter_text
 from nadrc_ros.simulation.batch import run_metrics
@@ -31,10 +25,6 @@ import numpy as np
 
 # Seeds that the search does not see, to say what to expect.
 _UNSEEN_SEEDS = range(FIRST_SEED + 100_000, FIRST_SEED + 100_016)
-_SIZE = (7.5, 4.6)  # inches
-# A decade has these ticks on a short axis, and those on one of several decades.
-_MANY_TICKS, _FEW_TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0)
-_SEVERAL_DECADES = 30.0
 
 
 @attrs.frozen(kw_only=True)
@@ -154,32 +144,3 @@ def _versions(method: str) -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = 'source tree'
     return found
-
-
-def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
-    """Return a figure with the front of each controller and a ring around what was taken."""
-    with rc_context(STYLE):
-        figure = Figure(figsize=_SIZE, layout='constrained')
-        axis = figure.subplots()
-        for tuned, colour in zip(found, cycle(COLOURS)):
-            efforts = [point.figures.isu for point in tuned.front]
-            values = [point.figures.objective for point in tuned.front]
-            # A step: between two designs of the front, the cheaper one is what there is.
-            axis.step(efforts, values, '.-', where='post', color=colour, markersize=4, lw=0.9)
-            x, y = efforts[tuned.choice.index], values[tuned.choice.index]
-            axis.plot([x], [y], 'o', color=colour, markersize=5)
-            axis.plot([x], [y], 'o', color=INK, markersize=11, fillstyle='none')
-            axis.plot([], [], 'o-', color=colour, label=f'{tuned.name}: {tuned.choice.why}')
-        axis.set_xscale('log')
-        axis.set_yscale('log')
-        for scale in (axis.xaxis, axis.yaxis):
-            low, high = scale.get_view_interval()
-            ticks = _FEW_TICKS if high > _SEVERAL_DECADES * low else _MANY_TICKS
-            scale.set_major_locator(LogLocator(subs=ticks, numticks=12))
-            scale.set_major_formatter('{x:g}')
-            scale.set_minor_formatter(NullFormatter())
-        axis.set_xlabel('ISU, integral of u²')
-        axis.set_ylabel(objective)
-        axis.set_title(title, weight='bold')
-        axis.legend(frameon=False)
-    return figure
