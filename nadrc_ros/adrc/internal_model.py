@@ -28,6 +28,11 @@ leave nothing of it in y at the samples: with D = (d, d', ...), S_h D one tick l
 which makes of the law an internal model of the vibration (B. Francis, W. Wonham, The internal
 model principle of control theory, Automatica 12, 1976): feedback acts on x - Pi D and cancels
 Gamma D instead of d. ``State.ripple`` is (Pi D, Gamma D - d).
+
+Nor does a held command take away at once what a known pole does: with the gains k_i of (s + wc)^n
+the loop of a pole that is fast for the rate overshoots. So those of the linear feedback place the
+poles of the plant under the held command at exp(-wc h), again by Ackermann's formula; where
+nothing is known of the plant they stay the k_i, from which they differ little.
 """
 
 from __future__ import annotations
@@ -44,6 +49,7 @@ from nadrc_ros.adrc.transition import (
     FASTEST_DECAY,
     LARGEST_TURN,
     MATRIX,
+    place_feedback,
     PLANT,
     polynomials,
     PRODUCT,
@@ -64,9 +70,9 @@ def update_known(
     """
     Advance every level by one tick of ``dt`` seconds, as ``observer.update``, into ``after``.
 
-    Of ``after`` levels and ``ripple`` are written. Scratch of the last ``dt`` are the gains,
-    ``transition`` (N, N+1), exp(A h) - I with the column of the command, and ``foresight``
-    (n+1, M), the matrices of ``ripple``.
+    Of ``after`` levels, ``ripple`` and ``feedback`` are written. Scratch of the last ``dt`` are
+    the gains, ``transition`` (N+1, N+1), exp(A h) - I with the column of the command, and in its
+    last row ``feedback``, and ``foresight`` (n+1, M), the matrices of ``ripple``.
     """
     order, states, count = design.order, design.states, design.levels
     levels, out, scratch = state.levels, after.levels, after.scratch
@@ -75,6 +81,7 @@ def update_known(
     steps = scratch[count]
     if steps[1] != dt or steps[0] != speed:
         place_known(design, dt, speed, after)
+    take_feedback(design, after)
     k = 0
     while k < count:
         x, z, gains, size = levels[k], out[k], scratch[k], design.sizes[k]
@@ -141,8 +148,16 @@ def effect(design: Design, k: int, x: Vector, row: Vector) -> float:
     return v
 
 
+def take_feedback(design: Design, state: State) -> None:
+    """Copy the feedback gains that were placed with the rest."""
+    placed, i = state.transition[design.states], 0
+    while i < design.order:
+        state.feedback[i] = placed[i]
+        i += 1
+
+
 def place_known(design: Design, dt: float, speed: float, state: State) -> None:
-    """Write the transition, the foresight and the gains of every level for this ``dt``."""
+    """Write transition, foresight, and the gains of feedback and levels for this ``dt``."""
     scratch, transition = state.scratch, state.transition
     foresight, work = state.foresight, state.work
     order, states = design.order, design.states
@@ -151,7 +166,8 @@ def place_known(design: Design, dt: float, speed: float, state: State) -> None:
         seen = seen and w * dt <= LARGEST_TURN
     for p in design.plant_poles:
         slow = slow and -p * dt <= FASTEST_DECAY
-    exponential(design, dt, False, work)
+    if place_feedback(design, dt, work, transition[states]) != dt:
+        exponential(design, dt, False, work)
     down = 1.0  # dt^-i
     for i in range(states):
         scale = down

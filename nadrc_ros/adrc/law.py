@@ -226,6 +226,7 @@ def _restart(
     # Nobody knows how far an angle turned meanwhile: on the short way to where it shall be.
     measurement -= whole(measurement - profile[0], design.measurement_period)
     copy_vector(state.gain, out.gain)
+    copy_vector(state.feedback, out.feedback)
     if design.gain_source > 0:
         begin_gain(design, measurement, profile[0], gain_variable, out)
     out.offset[2] = feed_forward

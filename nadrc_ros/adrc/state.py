@@ -43,7 +43,9 @@ class State:
 
     With known dynamics (:mod:`~nadrc_ros.adrc.internal_model`) ``ripple`` (n+1,) is what a known
     vibration makes of y, ..., y^(n-1) at the samples under the command that cancels it, and by how
-    much that is another one than -d; ``transition``, ``foresight`` and ``work`` are more scratch.
+    much that is another one than -d; ``feedback`` (n,) are the gains of the linear feedback for
+    the last time step, which without known poles are those of the design; ``transition``,
+    ``foresight`` and ``work`` are more scratch.
     """
 
     levels: Matrix
@@ -59,6 +61,7 @@ class State:
     angle: Vector
     scratch: Matrix
     ripple: Vector
+    feedback: Vector
     transition: Matrix
     foresight: Matrix
     work: Matrix
@@ -80,6 +83,7 @@ def blank_state(design: Design) -> State:
         [nan, 0.0, 0.0],
         [[0.0] * design.states for _ in range(design.levels + 2)],
         [0.0] * (design.order + 1),
+        list(design.feedback_gains),
         *_known_matrices(design),
     )
 
@@ -91,7 +95,7 @@ def _known_matrices(design: Design) -> tuple[Matrix, Matrix, Matrix]:
     order, states = design.order, design.states
     largest = max(states, order * (states - order))
     return (
-        [[0.0] * (states + 1) for _ in range(states)],
+        [[0.0] * (states + 1) for _ in range(states + 1)],
         [[0.0] * (states - order) for _ in range(order + 1)],
         [[0.0] * (largest + 1) for _ in range(WORK_VECTORS + states + largest)],
     )
@@ -163,6 +167,7 @@ def copy_state(state: State, out: State) -> None:
         copy_line(state.fed_line, out.fed_line)
     copy_vector(state.angle, out.angle)
     copy_vector(state.ripple, out.ripple)
+    copy_vector(state.feedback, out.feedback)
 
 
 def average_command(state: State, applied: float, elapsed: float) -> None:
@@ -216,7 +221,7 @@ def raw_command(design: Design, state: State) -> float:
             v += calm(design, x, state)
             x = state.work[0]
     if design.linear:  # here, as a call would take a thirtieth of the step
-        gains = design.feedback_gains
+        gains = state.feedback
         i = 0
         while i < order:
             v += gains[i] * (reference[i] - x[i])

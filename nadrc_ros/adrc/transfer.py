@@ -12,6 +12,7 @@ from math import nan, prod
 from nadrc_ros.adrc.delay_line import acting, merge_short, pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.gain import retune_gain
+from nadrc_ros.adrc.internal_model import place_known, take_feedback
 from nadrc_ros.adrc.limiter import limit
 from nadrc_ros.adrc.state import (
     blank_state,
@@ -74,6 +75,9 @@ def retune(
         after.levels[0][n] += damping(new, y) - damping(old, y)
         if new.frequencies:
             after.ripple[:] = state.ripple
+        if new.known and 0.0 < dt <= new.max_dt:
+            place_known(new, dt, 1.0, after)
+            take_feedback(new, after)
     if new.error_based:
         after.levels[0][n] -= reference_share(new, after.profile)
     driving = applied - state.offset[2]

@@ -1,5 +1,5 @@
 """
-exp(A h) - I of the model with known poles and frequencies, for any h.
+exp(A h) - I of the model with known poles and frequencies, for any h, and the feedback on it.
 
 The vectors that it takes, the result and what is solved with it share ``State.work``: vectors by
 the names here, then the result from ``MATRIX`` on, then as many rows for a system of equations.
@@ -7,9 +7,9 @@ the names here, then the result from ``MATRIX`` on, then as many rows for a syst
 
 from __future__ import annotations
 
-from math import inf
+from math import expm1, inf
 
-from nadrc_ros.adrc.design import Design, Matrix
+from nadrc_ros.adrc.design import Design, Matrix, Vector
 from nadrc_ros.adrc.state import WORK_VECTORS
 
 # Over a tick so long that a pole of the plant decays by more than exp(-3), or a vibration turns by
@@ -151,3 +151,51 @@ def solve(first: int, size: int, work: Matrix) -> None:
             if i != j and factor != 0.0:
                 for c in range(j, size + 1):
                     work[first + i][c] -= factor * work[first + j][c]
+
+
+def place_feedback(design: Design, dt: float, work: Matrix, gains: Vector) -> float:
+    """
+    Write the gains K, shape (n,), with which all poles of the loop are at exp(-wc h).
+
+    The command b0 u = K (r - x) + a x is held over h = ``dt``, at most over what a pole takes to
+    change by exp(3): a longer one was a gap, and the next one is not. Returned is the h whose
+    exponential is at ``MATRIX``, 0 where no pole is known and the gains are those of the design.
+    """
+    order, fastest = design.order, 0.0
+    for p in design.plant_poles:
+        fastest = max(fastest, abs(p))
+    for i in range(order):
+        gains[i] = design.feedback_gains[i]
+    if fastest == 0.0:
+        return 0.0
+    if fastest * dt > FASTEST_DECAY:
+        dt = FASTEST_DECAY / fastest
+    exponential(design, dt, False, work)
+    first = MATRIX + design.states  # q (exp(H) - I)^k B = 0 for k < n - 1, else 1
+    for j in range(order):
+        work[first][j] = work[MATRIX + j][design.states]
+    for k in range(1, order):
+        for i in range(order):
+            work[first + k][i] = 0.0
+            for j in range(order):
+                work[first + k][i] += work[MATRIX + i][j] * work[first + k - 1][j]
+    for k in range(order):
+        work[first + k][order] = 0.0
+    work[first + order - 1][order] = 1.0
+    solve(first, order, work)
+    q, product = work[VECTOR], work[PRODUCT]
+    for j in range(order):
+        q[j] = work[first + j][order]
+    fall = -expm1(-design.controller_bandwidth * dt)
+    for _ in range(order):
+        for j in range(order):
+            product[j] = fall * q[j]
+            for i in range(order):
+                product[j] += q[i] * work[MATRIX + i][j]
+        for j in range(order):
+            q[j] = product[j]
+    scale = 1.0
+    for i in range(order - 1, -1, -1):
+        scale /= dt
+        gains[i] = q[i] * scale + design.damping[i]
+    return dt

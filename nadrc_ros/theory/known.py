@@ -102,6 +102,35 @@ def _mean(matrix: Array) -> Array:
     return np.asarray(linalg.expm(block), dtype=float)[:size, size:]
 
 
+def feedback_gains(design: Design, h: float) -> Array:
+    """
+    Return the gains K (n,) of the linear feedback b0 u = K (r - x) + a x under a held command.
+
+    With g = K - a and the known plant x <- Phi x + B b0 u, det(z - Phi + B g) = det(z - Phi) (1 +
+    g (z - Phi)^-1 B) is (z - exp(-wc h))^n at n values of z. Without poles, or in continuous time,
+    those of (s + wc)^n.
+    """
+    n, fastest = design.order, max(map(abs, design.plant_poles))
+    if h == 0.0 or fastest == 0.0:
+        return np.array(design.feedback_gains)
+    h = min(h, FASTEST_DECAY / fastest)
+    model = np.eye(n + 1, k=1)
+    model[n - 1, :n] = -np.array(design.damping) * h ** np.arange(n, 0.0, -1.0)
+    model[n] = 0.0
+    step = model @ _mean(model)  # exp(model) - 1, in the time of h
+    wanted = np.expm1(-design.controller_bandwidth * h)
+    fastest = max(fastest, design.controller_bandwidth)
+    scale = fastest ** np.arange(n, 0.0, -1.0)
+    points = fastest * h * np.exp(1j * np.pi * (2.0 * np.arange(n) + 1.0) / (2.0 * n))
+    away = points[:, None, None] * np.eye(n) - step[:n, :n]
+    rows = np.linalg.solve(away, step[None, :n, n:])[..., 0]
+    rows = rows * (fastest * h) ** np.arange(n, 0.0, -1.0)
+    rest = (points - wanted) ** n / np.linalg.det(away) - 1.0
+    both = np.vstack([rows.real, rows.imag]), np.concatenate([rest.real, rest.imag])
+    gains = np.linalg.lstsq(*both, rcond=None)[0] * scale
+    return np.asarray(gains + np.array(design.damping), dtype=float)
+
+
 def vibration_matrix(design: Design, h: float) -> Array:
     """
     Return (Pi; Gamma - (1, 0, ...)), shape (n+1, M): what feedback leaves to known vibrations.

@@ -22,7 +22,7 @@ from math import exp, factorial
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import inversion_matrix
-from nadrc_ros.theory.known import known_level, vibration_matrix
+from nadrc_ros.theory.known import feedback_gains, known_level, vibration_matrix
 from nadrc_ros.theory.system import Array, StateSpace
 import numpy as np
 
@@ -117,13 +117,14 @@ def law_matrices(design: Design, h: float = 0.0) -> tuple[Array, Array]:
     Return F and H (n+1,) of the command u = -F x + H r, before the limits, x all levels stacked.
 
     v = sum_i k_i (r_i - x_i) + r_{n+1} and b0 u = v + sum_i a_i x_i - sum_k d_k, over the levels
-    that the structure cancels; with known vibrations, which depend on the period, as in
-    ``adrc.internal_model``. The fal law is taken inside its linear zone, where it has the gains
-    k_i / delta^(1 - alpha_i). Error-based, H = 0.
+    that the structure cancels; with known poles and vibrations, whose gains depend on the period,
+    as in ``adrc.internal_model``. The fal law is taken inside its linear zone, where it has the
+    gains k_i / delta^(1 - alpha_i). Error-based, H = 0.
     """
     n, begin = design.order, starts(design)
-    gains = np.array(design.feedback_gains)
+    gains = feedback_gains(design, h)
     if not design.linear:
+        gains = np.array(design.feedback_gains)
         gains = gains * design.fal_delta ** (np.array(design.exponents) - 1.0)
     f, reference = np.zeros(begin[-1]), np.zeros(n + 1)
     own = gains - np.array(design.damping)

@@ -10,15 +10,18 @@ times as fast).
 
 from __future__ import annotations
 
-from math import expm1, floor, log, log10, prod
+from math import expm1, factorial, floor, log, log10
 
 import attrs
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.tuning.design.requirements import Requirements, STEP_SHARE
+import numpy as np
 from scipy import special
 
 # Timeouts of a loop so slow that the usual ones would be too short for lost samples [periods].
 _TIMEOUT = 5.0
+# In time constants of the loop, when the command of a step is looked at: from, to, how often.
+_STEP_TIMES = 1e-4, 40.0, 2000
 BAND = 0.02  # in which a step has settled, as a share of it
 
 
@@ -38,26 +41,44 @@ def settling_factor(order: int, band: float = BAND) -> float:
     return float(special.gammainccinv(order, band))
 
 
-def controller_bandwidth(order: int, settling: float, h: float) -> float:
+def controller_bandwidth(wanted: Requirements) -> float:
     """
-    Return the wc [rad/s] with which the loop of the sampled law settles in ``settling`` [s].
+    Return the wc [rad/s] with which the loop of the sampled law settles in time.
 
-    It is :func:`settling_factor` / settling; for n = 1 corrected for the command being held over
-    each period ``h`` [s], with which the error decays as (1 - wc h)^k. Without correction that
-    would be 5 % at wc h = 0.1; for n > 1 it is below 0.7 %. The right b0 and no delay assumed.
+    It is :func:`settling_factor` / settling time; for n = 1 without known poles corrected for the
+    command being held over each period h, with which the error decays as (1 - wc h)^k. Without
+    correction that would be 5 % at wc h = 0.1; for n > 1 it is below 0.7 %. With known poles the
+    feedback knows of the hold. The right b0 and no delay assumed.
     """
-    if order == 1:
+    settling, h = wanted.settling_time, wanted.period
+    if wanted.order == 1 and not any(wanted.poles):
         return -expm1(log(BAND) * h / settling) / h
-    return settling_factor(order) / settling
+    return settling_factor(wanted.order) / settling
+
+
+def command_of_step(wanted: Requirements, wc: float) -> float:
+    """
+    Return the largest |b0 u| that a unit step of the reference asks for at ``wc`` [1/s^n].
+
+    At first, wc^n, or later, where known poles need more to move the output, or to hold it:
+    b0 u = prod_i (s - p_i) y and y = (wc / (s + wc))^n r.
+    """
+    n = wanted.order
+    poles, t = np.array(wanted.poles) / wc, np.geomspace(*_STEP_TIMES)
+    # In powers of q = 1 / (s + 1), time times wc: s - p is 1 / q - (1 + p), and a step through q^m
+    # is 1 - exp(-t) sum_{k < m} t^k / k!.
+    command = np.full(len(t), float(np.prod(-poles)))
+    for m, coefficient in enumerate(np.poly(1.0 + poles)):
+        for k in range(m):
+            command -= coefficient * np.exp(-t) * t**k / factorial(k)
+    return float(max(1.0, np.abs(command).max()) * wc**n)
 
 
 def reference_step(wanted: Requirements) -> float:
     """Return the step [output unit]: the one named, or one that takes a share of the command."""
     if wanted.reference_step:
         return wanted.reference_step
-    wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
-    # With the command that holds it, a_0 r / b0, where a_0 is more than wc^n.
-    each = max(wc**wanted.order, abs(prod(wanted.poles)))
+    each = command_of_step(wanted, controller_bandwidth(wanted))
     step = STEP_SHARE * wanted.command_limit * abs(wanted.b0) / each
     return float(f'{step:.3g}')
 

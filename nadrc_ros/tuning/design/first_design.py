@@ -13,7 +13,12 @@ from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.theory.pid import equivalent_pid, FilteredPID
 from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
-from nadrc_ros.tuning.design.bandwidths import patient, reference_step, settling_factor
+from nadrc_ros.tuning.design.bandwidths import (
+    command_of_step,
+    patient,
+    reference_step,
+    settling_factor,
+)
 from nadrc_ros.tuning.design.candidates import advice, advised, asked, Candidate, candidates
 from nadrc_ros.tuning.design.limits import loop_margins
 from nadrc_ros.tuning.design.requirements import LOAD_SHARE, Requirements, STEP_SHARE
@@ -101,14 +106,15 @@ class FirstDesign:
 
     @property
     def _saturated(self) -> str:
-        wanted, gain = self.wanted, make_design(self.chosen.settings).feedback_gains[0]
+        wanted = self.wanted
         needed, step = abs(wanted.load / wanted.b0), reference_step(wanted)
         if needed >= wanted.command_limit and wanted.disturbance_frequency == 0.0:
             return (
                 f'a disturbance of {wanted.load:g} takes a command of {needed:.4g}, and '
                 f'command_limit = {wanted.command_limit:g}: no controller holds the output'
             )
-        peak = gain * abs(step / wanted.b0)
+        wc = self.chosen.settings.controller_bandwidth
+        peak = command_of_step(wanted, wc) * abs(step / wanted.b0)
         if peak <= wanted.command_limit:
             return ''
         return (

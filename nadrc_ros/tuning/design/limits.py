@@ -19,6 +19,7 @@ from nadrc_ros.theory.margins import Margins, margins
 from nadrc_ros.theory.system import StateSpace
 from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import (
+    command_of_step,
     controller_bandwidth,
     readable,
     reference_step,
@@ -169,7 +170,7 @@ def conflict(wanted: Requirements) -> Complaint | None:
                 f'{least:.4g} rad/s, and {LARGEST_W_H:g} rate = {most:.4g} rad/s is the most'
             ),
         )
-    wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
+    wc = controller_bandwidth(wanted)
     design = make_design(settings_of(wanted, 'conventional', 1, wc, _SLOWEST_RATIO * wc))
     if not _bears(design, wanted, wanted.delay):
         return Complaint(
@@ -233,7 +234,7 @@ def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
 
     Slower, down to 3 wc, where sampling, delay or noise demand it.
     """
-    wc = float(f'{controller_bandwidth(wanted.order, wanted.settling_time, wanted.period):.4g}')
+    wc = float(f'{controller_bandwidth(wanted):.4g}')
     ratio = _FASTEST_RATIO if wanted.command_noise > 0.0 else _USUAL_RATIO
     w, decided_by = ratio * wc, 'the rule of thumb'
 
@@ -281,8 +282,8 @@ def fastest(wanted: Requirements) -> tuple[Requirements, str]:
 
 def obstacle(wanted: Requirements) -> str:
     """Return what makes requirements unsound, in a word or two, nothing if they are sound."""
-    wc = controller_bandwidth(wanted.order, wanted.settling_time, wanted.period)
-    if wc**wanted.order * abs(wanted.reference_step / wanted.b0) > wanted.command_limit:
+    each = command_of_step(wanted, controller_bandwidth(wanted))
+    if each * abs(wanted.reference_step / wanted.b0) > wanted.command_limit:
         return 'the range of the command'
     complaint = conflict(wanted)
     if complaint:
