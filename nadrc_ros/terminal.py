@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import os
+import re
 from shlex import join, quote
 from textwrap import wrap
 from typing import TextIO
 
 _WITHOUT_A_SIZE = 80
+# Between a number and its unit no line ends.
+_UNIT = re.compile(r'(?<=\d) (?=%|(?:[mun]?s|Hz|rad/s|periods?)\b)')
+_BOUND = '\N{NO-BREAK SPACE}'
 
 
 def columns(stream: TextIO | None) -> int | None:
@@ -29,10 +33,10 @@ def wrapped(text: str, width: int | None, indent: str = '') -> str:
     if width is None:
         return text
     return '\n'.join(
-        part
+        part.replace(_BOUND, ' ')
         for line in text.split('\n')
         for part in wrap(
-            line,
+            _UNIT.sub(_BOUND, line),
             width,
             subsequent_indent=indent,
             break_long_words=False,
@@ -48,7 +52,13 @@ def command_line(words: Sequence[str], width: int | None, begin: str = '') -> st
     if width is None or len(whole) <= width:
         return whole
     lines = [begin + quote(words[0])]
-    for word in map(quote, words[1:]):
+    parts: list[str] = []
+    for word, before in zip(words[1:], words):
+        if before.startswith('-') and not word.startswith('-'):
+            parts[-1] += f' {quote(word)}'  # a value stays with its option
+        else:
+            parts.append(quote(word))
+    for word in parts:
         if len(lines[-1]) + len(word) + len('  \\') <= width:
             lines[-1] += f' {word}'
         else:

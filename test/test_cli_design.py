@@ -27,7 +27,15 @@ def test_the_files_load_where_they_are_meant_to(tmp_path: Path) -> None:
     result = nadrc(*ASKED, '--disturbance-frequency', 5, '--b0', -2, '--out', out)
     assert result.exit_code == 0, result.output
     text = result.stdout
-    for word in ('Herbst 2013', 'conventional', 'nested_2', 'Take ', 'filtered PID', 'ITAE'):
+    for word in (
+        'Herbst 2013',
+        'conventional',
+        'nested_2',
+        ' * ',
+        'Take ',
+        'filtered PID',
+        '10 more rows',
+    ):
         assert word in text
     assert 'if reference/rate and reference/acceleration come too' in ' '.join(
         result.output.split()

@@ -24,7 +24,11 @@ def disguised(error: Exception) -> None:
 def test_ctrl_c_is_known_in_whatever_disguise(
     error: Exception, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(typer.Exit) as ended, reporting(), reporting(after_interrupt='all is kept'):
+    with (
+        pytest.raises(typer.Exit) as ended,
+        reporting(),
+        reporting(after_interrupt=lambda: 'all is kept'),
+    ):
         disguised(error)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().err == 'error: interrupted: all is kept\n'

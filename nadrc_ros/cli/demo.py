@@ -48,7 +48,13 @@ def demo(
 
         path = find_scenario(file)
         whole = load(path)
-    with reporting():
+    before = _run_folders(whole, out)
+
+    def kept() -> str:
+        folders = [str(folder) for folder in _run_folders(whole, out) if folder not in before]
+        return 'the runs are kept in ' + ', '.join(folders) if folders else ''
+
+    with reporting(after_interrupt=kept):
         try:
             from nadrc_ros.ros.runtime import private_domain
             import rclpy  # noqa: F401
@@ -80,6 +86,15 @@ def demo(
         say_command([called(), 'report', *(str(r.folder) for r in runs.values())], 'more in: ')
         if lockstep:
             _compare(scenario, runs)
+
+
+def _run_folders(scenario: 'Scenario', out: Path) -> list[Path]:
+    return [
+        folder
+        for name in scenario.controllers
+        for folder in sorted((out / name / 'runs').glob('*'))
+        if folder.is_dir()
+    ]
 
 
 def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str, Run]':
@@ -131,22 +146,22 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
     from nadrc_ros.report.marks import title_of
 
     labels = {
-        'itae': 'ITAE',
-        'isu': 'ISU',
-        'peak_error': f'peak |e| from {scenario.experiment.settled:g} s on',
-        'max_command': 'max |u|',
-        'total_variation': 'total variation of u',
-        'missed_periods': 'missed periods',
-        'latency_median_ms': 'measurement to command, median [ms]',
-        'latency_p99_ms': 'measurement to command, 99 % [ms]',
-        'samples_lost': 'samples lost by the recorder',
+        'itae': ('ITAE', 'integral of t |e|'),
+        'isu': ('ISU', 'integral of u²'),
+        'peak_error': ('peak |e|', f'largest error from {scenario.experiment.settled:g} s on'),
+        'max_command': ('max |u|', 'largest command'),
+        'total_variation': ('TV', 'total variation of u'),
+        'periods': ('periods', 'of the controller'),
+        'missed_periods': ('missed', 'periods without a step'),
+        'latency_median_ms': ('latency [ms]', 'from measurement to command, median'),
+        'latency_p99_ms': ('99 % [ms]', 'of the latencies are below this'),
+        'samples_lost': ('lost', 'samples that the recorder missed'),
     }
     figures = [_figures(run) for run in runs.values()]
     rows = []
-    for key in figures[0]:
+    for key, about in labels.items():
         values = [each[key] for each in figures]
-        cells = ['-' if value is None else f'{value:.4g}' for value in values]
-        rows.append(Row(labels.get(key, key), '', cells))
+        rows.append(Row(*about, ['-' if value is None else f'{value:.4g}' for value in values]))
     print_columns(title_of(name, scenario), list(runs), rows)
 
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.failure import reporting
 from nadrc_ros.cli.messages import note, say, warning
-from nadrc_ros.cli.options import check_outputs, fields, takes
-from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.cli.options import check_outputs, fields, in_options, takes
+from nadrc_ros.tuning.design.requirements import Conflict, Requirements
 import typer
 
 if TYPE_CHECKING:
@@ -16,11 +16,16 @@ if TYPE_CHECKING:
     from nadrc_ros.tuning.design.first_design import Expected, FirstDesign
 
 _CURVE_POINTS = 800
+# What one looks at first: the tuning, what it is good for, what it costs.
+_FIRST_ROWS = 3
 
 
 @takes(values=fields(Requirements, required='settling_time'))
 def design(
     values: dict[str, Any],
+    details: Annotated[
+        bool, typer.Option('--details', help='Show all rows of the table, not three.')
+    ] = False,
     out: Annotated[
         Optional[Path],
         typer.Option(help='Folder for design.yaml, scenario.yaml, bode.png and design.json.'),
@@ -39,37 +44,41 @@ def design(
         from nadrc_ros.adrc.fields import build
         from nadrc_ros.tuning.design.first_design import first_design
 
-        found = first_design(build(Requirements, values))
-        expected = found.expected()
-        _print(found, expected)
+        try:
+            found = first_design(build(Requirements, values))
+            expected = found.expected()
+        except Conflict as conflict:
+            raise Conflict(in_options(str(conflict), Requirements)) from None
+        _print(found, expected, details)
         if found.warning:
-            warning(found.warning)
+            warning(in_options(found.warning, Requirements))
         if out is not None:
             _write(out, found, expected)
 
 
-def _print(found: 'FirstDesign', expected: 'dict[str, Expected]') -> None:
-    from nadrc_ros.cli.table import console, print_columns, Row
+def _print(found: 'FirstDesign', expected: 'dict[str, Expected]', details: bool) -> None:
+    from nadrc_ros.cli.table import print_columns, print_text, Row
     from rich.text import Text
 
-    screen = console()
     heads = [
         Text(f'{c.name} *', 'bold') if c is found.chosen else c.name for c in found.candidates
     ]
     sine = found.wanted.disturbance_frequency
     columns = [_column(c, expected[c.name], sine) for c in found.candidates]
     rows = [Row(*about, [column[about] for column in columns]) for about in columns[0]]
-    screen.print(Text('\n'.join([found.title, *found.rules])), soft_wrap=True)
-    print_columns('', heads, rows)
-    screen.print(Text(found.advice, 'bold'), soft_wrap=True)
+    print_text(found.title)
+    print_text(in_options('\n'.join(found.rules), Requirements))
+    print_columns('', heads, rows if details else rows[:_FIRST_ROWS])
+    if not details:
+        print_text(f'(* = chosen; --details shows {len(rows) - _FIRST_ROWS} more rows)', 'dim')
+    print_text(found.advice, 'bold')
     pid = found.pid
     if pid is not None:
         kind = 'PI' if found.wanted.order == 1 else 'PID'
         gains = f'Kp {pid.kp:.4g}, Ki {pid.ki:.4g}' + (f', Kd {pid.kd:.4g}' if pid.kd else '')
-        screen.print(
+        print_text(
             f'One observer is a filtered {kind} with {gains}: its column is also that of a {kind} '
-            'of equal noise.',
-            soft_wrap=True,
+            'of equal noise.'
         )
 
 
@@ -86,22 +95,22 @@ def _column(
     left = f'largest up to {sine:g} rad/s' if sine else 'integral of |y| after a step'
     observers = bandwidths(candidate.settings, candidate.levels)
     return {
-        ('w', 'observer bandwidths [rad/s]'): ' / '.join(f'{w:.3g}' for w in observers),
-        ('settling', 'time to stay within 2 % [s]'): f'{of.settling_time:.3g}',
-        ('noise', 'standard deviation of u'): f'{of.command_noise:.3g}',
+        ('w [rad/s]', 'bandwidths of the observers'): ' / '.join(f'{w:.3g}' for w in observers),
         ('error', f'under the disturbance, {left}'): f'{of.error:.3g}',
         ('b / b0', 'gain margins'): f'{margins.gain_low:.2f} ... {margins.gain_high:.3g}',
         (
-            'input gain',
-            'error of b0 it bears, even one that varies [%]',
+            'input gain [%]',
+            'error of b0 it bears, even one that varies',
         ): f'{100.0 * of.input_gain_margin:.0f}',
-        ('phase', 'margin [degrees]'): f'{degrees(margins.phase):.0f}',
-        ('delay', 'margin [ms]'): f'{1e3 * margins.delay:.3g}',
+        ('phase [deg]', 'phase margin'): f'{degrees(margins.phase):.0f}',
+        ('delay [ms]', 'delay margin'): f'{1e3 * margins.delay:.3g}',
         ('modulus', 'distance of L from -1'): f'{margins.modulus:.2f}',
+        ('settling [s]', 'time to stay within 2 %'): f'{of.settling_time:.3g}',
+        ('noise', 'standard deviation of u'): f'{of.command_noise:.3g}',
         ('ITAE', 'of a step, then the disturbance'): f'{expected.itae:.3g}',
         ('ISU', 'of the same run'): f'{expected.isu:.3g}',
-        ('', 'of it by noise, on average'): f'{expected.noise_isu:.3g}',
-        ('saturated', 'share of the time'): f'{100.0 * expected.saturated:.1f} %',
+        ('noise ISU', 'of it by noise, on average'): f'{expected.noise_isu:.3g}',
+        ('saturated [%]', 'share of the time'): f'{100.0 * expected.saturated:.1f}',
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
@@ -35,11 +35,11 @@ def naming(options: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
+def reporting(file: str = '', after_interrupt: Callable[[], str] | None = None) -> Iterator[None]:
     """
     Report what the user can mend on stderr, with the name of the file it is about.
 
-    Exit codes: 1 for an error of the user, and 130 for Ctrl-C, when ``after_interrupt`` is said.
+    Exit codes: 1 for an error of the user, and 130 for Ctrl-C, when ``after_interrupt()`` is said.
     Anything else is a bug and keeps its traceback.
     """
     from nadrc_ros.adrc.errors import SettingError, UserError
@@ -50,7 +50,8 @@ def reporting(file: str = '', after_interrupt: str = '') -> Iterator[None]:
         raise  # nobody reads on: typer ends silently
     except (Exception, KeyboardInterrupt) as failure:
         if interrupted(failure):
-            error(f'interrupted: {after_interrupt}' if after_interrupt else 'interrupted')
+            kept = after_interrupt() if after_interrupt else ''
+            error(f'interrupted: {kept}' if kept else 'interrupted')
             raise typer.Exit(INTERRUPTED) from None
         if isinstance(failure, SettingError) and not file:
             error(_as_typed(failure))

@@ -243,34 +243,27 @@ def _write_json(
 
 
 def _print_table(title: str, plant: 'Plant') -> None:
-    from nadrc_ros.cli.table import console
-    from rich.table import Table
-    from rich.text import Text
+    from nadrc_ros.cli.table import print_columns, Row
 
-    n = plant.order
+    def sure(label: str, estimate: 'Estimate', scale: float = 1.0) -> Row:
+        found = estimate.value, estimate.low, estimate.high
+        return Row(label, '', [f'{scale * value:.4g}' for value in found])
+
     rows = [
-        ('order', f'{n}', _orders(plant)),
-        ('b0', f'{plant.b0.value:.4g}', _interval(plant.b0)),
-        ('damping', f'{plant.damping.value:.3g}', _interval(plant.damping) + ' 1/s'),
-        ('noise', f'{plant.noise:.3g}', 'standard deviation of the measurement'),
+        Row('order', _orders(plant), [f'{plant.order}', '', '']),
+        sure('b0', plant.b0),
+        sure('damping [1/s]', plant.damping),
     ]
     if plant.damping.low > 0.0:
         constant = f'{1.0 / plant.damping.value:.3g}'
-        rows.insert(3, ('time constant', constant, 's, 1 / damping'))
+        rows.append(Row('time constant [s]', '1 / damping', [constant, '', '']))
+    noise = 'standard deviation of the measurement'
+    rows.append(Row('noise', noise, [f'{plant.noise:.3g}', '', '']))
     if plant.lateness is not None:
-        late = f'{1e3 * plant.lateness.value:.3g}'
-        rows.append((plant.late, late, 'ms, ' + _interval(plant.lateness, 1e3)))
+        rows.append(sure(f'{plant.late} [ms]', plant.lateness, 1e3))
     if plant.dry:
-        rows.append((plant.dry, '', 'found, and allowed for'))
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(justify='right', no_wrap=True)
-    table.add_column()
-    for name, value, meaning in rows:
-        table.add_row(name, value, Text(meaning, 'dim'))
-    screen = console()
-    screen.print(Text(title, 'bold'), soft_wrap=True)
-    screen.print(table)
+        rows.append(Row(plant.dry, 'found, and allowed for', [''] * 3))
+    print_columns(title, ['value', '95 % from', 'to'], rows)
 
 
 def _orders(plant: 'Plant') -> str:
@@ -282,10 +275,6 @@ def _orders(plant: 'Plant') -> str:
         if n != plant.order
     )
     return ', '.join(others)
-
-
-def _interval(estimate: 'Estimate', scale: float = 1.0) -> str:
-    return f'95 %: {scale * estimate.low:.4g} to {scale * estimate.high:.4g}'
 
 
 def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]:

@@ -13,9 +13,9 @@ import typer
 _COLOURS = {'error': 'red', 'warning': 'yellow', 'note': 'cyan'}
 
 
-def say(text: str) -> None:
-    """Write a sentence of the result."""
-    typer.echo(wrapped(text, columns(sys.stdout)))
+def say(text: str, indent: str = '') -> None:
+    """Write a sentence of the result, with ``indent`` before its lines but the first."""
+    typer.echo(wrapped(text, columns(sys.stdout), indent))
 
 
 def say_command(words: Sequence[str], begin: str = '') -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
+import re
 from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 
 import attrs
@@ -92,7 +93,7 @@ def fields(cls: type[Any], required: str = '', unset: bool = False) -> Callable[
             name,
             Parameter.KEYWORD_ONLY,
             default=Parameter.empty if name == required else None if unset else field.default,
-            annotation=_described(field, unset),
+            annotation=_described(cls, field, unset),
         )
         for name, field in declared(cls).items()
     ]
@@ -102,7 +103,15 @@ def fields(cls: type[Any], required: str = '', unset: bool = False) -> Callable[
     return make
 
 
-def _described(field: Declared, unset: bool) -> Any:
+def in_options(text: str, cls: type[Any]) -> str:
+    """Return a text about the fields of a class with the names that their options have."""
+    names = declared(cls)
+    long = '|'.join(name for name in names if '_' in name)
+    found = rf'\b(?:{long})\b|(?<![\d/] )\b(?:{"|".join(names)})(?= = )'
+    return re.sub(found, lambda match: '--' + match[0].replace('_', '-'), text)
+
+
+def _described(cls: type[Any], field: Declared, unset: bool) -> Any:
     """Return the annotation of an option; typer says the default unless it is in the text."""
     choices = ': ' + ', '.join(field.choices) if field.choices else ''
     unit = f' [{field.unit}]' if field.unit else ''
@@ -110,7 +119,7 @@ def _described(field: Declared, unset: bool) -> Any:
     said = f' (default {default})' if unset else ''
     text = f'{field.description[0].upper()}{field.description[1:]}{choices}{unit}{said}.'
     kind = _KINDS[field.kind]
-    option = typer.Option(help=text)
+    option = typer.Option(help=in_options(text, cls))
     return Annotated[Optional[kind] if unset else kind, option]
 
 

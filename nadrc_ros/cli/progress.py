@@ -9,9 +9,9 @@ from nadrc_ros.cli.messages import note as say_note
 
 # Without a terminal, a line that often [s]; what is done sooner needs no sign of life.
 _EVERY = 10.0
-_BAR = 20
-# What the bar, the time that remains and the gaps take.
-_ROOM_TAKEN = _BAR + len(' 0:00:00 ') + 4
+_BAR = 12
+# What gaps take.
+_GAPS = 6
 # Takes how many are done, and a note.
 Tell = Callable[[float, str], None]
 
@@ -34,7 +34,9 @@ def progress(
         columns = [rich.SpinnerColumn(), about, rich.TimeElapsedColumn()]
     else:
         shown = rich.TextColumn('{task.fields[shown]}', markup=False)
-        columns = [about, rich.BarColumn(_BAR), shown, rich.TimeRemainingColumn()]
+        columns = [about, rich.BarColumn(_BAR), shown]
+        if not unit:  # seconds tell by themselves how many remain
+            columns.append(rich.TimeRemainingColumn())
     with rich.Progress(*columns, console=console, transient=total is None) as bar:
         begin = '' if total is None else _count(done, total, unit)
         task = bar.add_task(what, total=total, completed=int(done), shown=begin)
@@ -43,7 +45,7 @@ def progress(
             assert total is not None
             shown = _count(now, total, unit)
             # A note that would be broken is left out.
-            if len(what) + len(shown) + len(note) + _ROOM_TAKEN <= console.width:
+            if len(what) + _BAR + len(shown) + len(note) + _GAPS <= console.width:
                 shown += f'  {note}'
             bar.update(task, completed=now, shown=shown)
 

@@ -93,7 +93,8 @@ def tune(
             raise MissingPackage('tune', error.name, 'tune') from None
         where = storage or str(folder / 'study.log')
         studies = _studies(scenario, names, tuning, open_storage(where), worker)
-    with reporting(after_interrupt=f'the study in {where} is kept; the same command goes on'):
+    kept = f'the study in {where} is kept; the same command goes on'
+    with reporting(after_interrupt=lambda: kept):
         _search(list(studies.values()), jobs)
         _finish(path.stem, scenario, tuning, studies, isu, choose, folder)
 
@@ -222,7 +223,7 @@ def _finish(
     write_json(folder / 'tune.json', 'tune', document(name, tuning, found))
     for one in found:
         _print_front(one, tuning)
-    _print_table(title, found)
+    _print_table(title, found, scenario.experiment.settled)
     say(f'tuned scenario {folder / "scenario.yaml"}')
     for one in found:
         say(f'ROS parameters {folder / one.name}.yaml')
@@ -243,13 +244,15 @@ def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
     }
     rows = []
     for i in sorted(shown):
-        point, style = one.front[i], 'bold' if i == one.choice.index else ''
+        point, chosen = one.front[i], i == one.choice.index
         numbers = (point.figures.isu, point.figures.objective, *point.values.values())
-        rows.append(Row(str(i + 1), '', [Text(f'{x:.4g}', style) for x in numbers]))
-    print_columns(f'{one.name}: {one.choice.why}', heads, rows)
+        cells = [Text(f'{x:.4g}', 'bold' if chosen else '') for x in numbers]
+        rows.append(Row(f'{i + 1} *' if chosen else str(i + 1), '', cells))
+    print_columns(f'{one.name}: {one.choice.why} (*)', heads, rows, 'point')
 
 
-def _print_table(title: str, found: 'list[Tuned]') -> None:
+def _print_table(title: str, found: 'list[Tuned]', settled: float) -> None:
     from nadrc_ros.cli.table import print_figures_of_merit
 
-    print_figures_of_merit(f'{title}, as tuned', {one.name: one.predicted for one in found})
+    predicted = {one.name: one.predicted for one in found}
+    print_figures_of_merit(f'{title}, as tuned', predicted, settled)

@@ -2,14 +2,20 @@
 
 # ruff: noqa: UP045
 from pathlib import Path
+import sys
 from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli.failure import reporting
-from nadrc_ros.cli.messages import error
+from nadrc_ros.cli.messages import error, say
+from nadrc_ros.terminal import columns
 import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.ros.wire_check import Heard
+
+
+# A value, with the gap before it.
+_VALUE = 14
 
 
 def fields(
@@ -45,10 +51,14 @@ def fields(
 
 
 def _print(topic: str, kind: str, numbers: list[tuple[str, float]]) -> None:
-    lines = [(f'{topic} {kind} {field}', f'{value:.6g}') for field, value in numbers]
-    width = max((len(address) for address, _ in lines), default=0)
-    for address, value in lines:
-        typer.echo(f'{address:{width}}  {value:>12}')
+    begin = f'{topic} {kind} '
+    longest = max((len(field) for field, _ in numbers), default=0)
+    room = columns(sys.stdout)
+    if room is not None and len(begin) + longest + _VALUE > room:
+        typer.echo(begin)  # what all addresses begin with, which breaks at its blank only
+        begin, longest = '  ', min(longest, room - _VALUE - 2)
+    for field, value in numbers:
+        typer.echo(f'{begin}{field:{longest}}  {value:>12.6g}')
 
 
 def wire(
@@ -88,16 +98,17 @@ def wire(
         for key, values in nodes.items():
             home = key.rpartition('/')[0]
             space = namespace if '*' in home or not home else home
-            typer.echo(f'{key}' + (f' in {space}' if '*' in home and space else ''))
+            say(f'{key}' + (f' in {space}' if '*' in home and space else ''))
             for heard in check_wiring(values, space, seconds):
-                typer.echo(_line(heard))
+                for line in _lines(heard):
+                    say(line, ' ' * 6)
                 wrong += bool(heard.wrong)
     if wrong:
         error(f'{check}: {wrong} signal{"s" if wrong > 1 else ""} would not come')
         raise typer.Exit(1)
 
 
-def _line(heard: 'Heard') -> str:
+def _lines(heard: 'Heard') -> list[str]:
     who = ', '.join(heard.who) or 'nobody'
     said = [f'  {heard.signal}: {heard.address}']
     if heard.times:
@@ -111,4 +122,4 @@ def _line(heard: 'Heard') -> str:
         said.append(
             f'    {heard.wrong}' + (f', from {who}' if heard.who and not heard.times else '')
         )
-    return '\n'.join(said)
+    return said

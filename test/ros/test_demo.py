@@ -102,6 +102,9 @@ def test_interrupted_a_demo_ends_with_130_and_leaves_nobody(
         process.signal(signal.SIGINT)
     assert process.end() == 130
     assert 'Traceback' not in process.said
+    kept = [str(folder) for folder in sorted(out.glob('*/runs/*'))]
+    said = 'error: interrupted' + (': the runs are kept in ' if kept else '') + ', '.join(kept)
+    assert said in process.said and (kept or moment == 'starting')
     probe.wait_until(lambda: not children_in(out))
 
 
