@@ -277,9 +277,15 @@ def test_a_disabled_controller_falls_silent_whatever_acts() -> None:
     assert controller.quiet and u == controller.settings.safe_command
 
 
-def test_the_timeout_is_refused_below_two_periods_and_fixed_at_start() -> None:
-    with pytest.raises(SettingError, match='applied_timeout'):
-        ControllerSettings(applied_timeout=0.001).check_rate(1000.0)
+def test_the_timeout_is_refused_where_the_newest_report_is_at_times_too_old_for_it() -> None:
+    """One a period, with a period added to its age, is up to two old, and three if one is late."""
+    with pytest.raises(SettingError, match=r'at least three periods, 0\.03 s at 100 Hz'):
+        ControllerSettings(applied_timeout=0.029).check_rate(100.0)
+    ControllerSettings(applied_timeout=0.03).check_rate(100.0)
+    ControllerSettings(applied_timeout=0.0).check_rate(100.0)
+
+
+def test_the_timeout_is_fixed_at_start() -> None:
     with pytest.raises(SettingError, match='applied_timeout'):
         Controller(ControllerSettings()).check_retune(ControllerSettings(applied_timeout=0.1))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from nadrc_ros.adrc.errors import SettingError
 
 MAX_FREQUENCIES = 3  # with five orders and five extended states the poles are right to 1e-8
-# Of a known frequency, w h, and of a known pole, -p h. With a sample lost they are still seen.
-MOST_TURN, MOST_DECAY = 1.57, 2.0
 
 
 def check_known(
@@ -39,31 +37,4 @@ def check_known(
             'plant_poles',
             plant_poles,
             'with one that is 0 for an angle: a turn further its plant does the same',
-        )
-
-
-def check_known_rate(
-    plant_poles: tuple[float, ...], frequencies: tuple[float, ...], rate: float
-) -> None:
-    """
-    Refuse what a loop at ``rate`` [Hz] does not see.
-
-    Raises
-    ------
-    SettingError
-        For a frequency of less than four samples a cycle, or a pole that settles within a period.
-
-    """
-    if max(frequencies) > MOST_TURN * rate:
-        raise SettingError(
-            'disturbance_frequencies',
-            frequencies,
-            f'at most {MOST_TURN * rate:g} rad/s at {rate:g} Hz, four samples a cycle',
-        )
-    if min(plant_poles) < -MOST_DECAY * rate:
-        raise SettingError(
-            'plant_poles',
-            plant_poles,
-            f'at least {-MOST_DECAY * rate:g} rad/s at {rate:g} Hz: what settles within a period '
-            'is no part of the plant, whose order is then lower',
         )

@@ -8,7 +8,8 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
-from nadrc_ros.adrc.known_checks import check_known, check_known_rate
+from nadrc_ros.adrc.known_checks import check_known
+from nadrc_ros.adrc.rate_checks import check_known_rate, check_times
 from nadrc_ros.adrc.structures import STRUCTURES
 
 MAX_LEVELS = 6
@@ -326,31 +327,15 @@ class ControllerSettings:
         return min(self.plant_order, REFERENCE_DERIVATIVES)
 
     def check_rate(self, rate: float) -> None:
-        """
-        Refuse what is too fast for a loop at ``rate`` [Hz].
-
-        Raises
-        ------
-        SettingError
-            For a ``measurement_timeout`` or ``max_dt`` below two periods; names both if need be.
-            Also for such an ``applied_timeout`` or ``feed_forward_timeout``, a known frequency of
-            less than four samples a cycle, or a known pole that settles within a period.
-
-        """
+        """Refuse, by a ``SettingError``, what is too fast for a loop at ``rate`` [Hz]."""
         check_known_rate(self.plant_poles, self.disturbance_frequencies, rate)
-        shortest = 2.0 / rate
-        allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'
-        for name in ('applied_timeout', 'feed_forward_timeout'):
-            if 0.0 < getattr(self, name) < shortest:
-                raise SettingError(name, getattr(self, name), f'0 (off) or {allowed}')
-        if 0.0 < self.measurement_timeout < shortest:
-            if self.max_dt < shortest:
-                allowed += f', and so must be max_dt = {self.max_dt!r}'
-            raise SettingError(
-                'measurement_timeout', self.measurement_timeout, f'0 (off) or {allowed}'
-            )
-        if self.max_dt < shortest:
-            raise SettingError('max_dt', self.max_dt, allowed)
+        check_times(
+            rate,
+            measurement_timeout=self.measurement_timeout,
+            max_dt=self.max_dt,
+            applied_timeout=self.applied_timeout,
+            feed_forward_timeout=self.feed_forward_timeout,
+        )
 
     def _check_table(self) -> None:
         table = self.b0_table
