@@ -17,6 +17,7 @@ from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.theory.known import feedback_gains, known_poles
 from nadrc_ros.theory.loop import chain as linear_chain
 from nadrc_ros.theory.system import Array, zero_order_hold
+from nadrc_ros.tuning.design.requirements import Requirements
 import numpy as np
 import pytest
 from scipy import linalg
@@ -268,17 +269,30 @@ def test_p12_a_vibration_that_changes_its_frequency_is_followed(retuned: float) 
     assert error < 1e-6
 
 
+@pytest.mark.parametrize('n', (2, 3, 5))
+def test_poles_that_are_left_out_are_integrators(n: int) -> None:
+    """One lag is one lag, whatever the order, and no known pole is a chain."""
+    for few in ((-20.0,), (-20.0, -3.0), (0.0,)):
+        every = few + (0.0,) * (n - len(few))
+        assert design_of(plant_order=n, plant_poles=few) == design_of(
+            plant_order=n, plant_poles=every
+        )
+        assert Requirements(order=n, plant_poles=few).poles == every
+    assert design_of(plant_order=n, plant_poles=(-20.0,)).plant_poles.count(-20.0) == 1
+
+
 def test_what_makes_no_sense_is_refused() -> None:
     for values, name in (
         ({'plant_poles': (-1.0, -2.0, -3.0)}, 'plant_poles'),
         ({'disturbance_frequencies': (1.0, 2.0, 3.0, 4.0)}, 'disturbance_frequencies'),
         ({'disturbance_frequencies': (2.0, 2.0)}, 'disturbance_frequencies'),
-        ({'plant_poles': (-1.0,), 'measurement_period': 2.0 * pi}, 'plant_poles'),
+        ({'plant_poles': (-1.0, -2.0), 'measurement_period': 2.0 * pi}, 'plant_poles'),
     ):
         with pytest.raises(SettingError) as caught:
             ControllerSettings(**values)
         assert caught.value.name == name
-    ControllerSettings(plant_poles=(-1.0, 0.0), measurement_period=2.0 * pi)
+    for poles in ((-1.0, 0.0), (-1.0,)):
+        ControllerSettings(plant_poles=poles, measurement_period=2.0 * pi)
     fast = ControllerSettings(plant_poles=(-200.0, 0.0), disturbance_frequencies=(157.0, 0.0))
     fast.check_rate(100.0)
     with pytest.raises(SettingError, match='plant_poles'):

@@ -110,7 +110,7 @@ def make_design(settings: ControllerSettings) -> Design:
     equal_poles = len(set(ratios)) == 1
     scale = ratios[0] if equal_poles else 1.0
     matrix = equal_pole_matrix(chain) if equal_poles else inversion_matrix(chain)
-    plant_poles = _per_state(settings.plant_poles, order)
+    plant_poles = list(settings.known_poles)
     known = any(plant_poles) or bool(frequencies)
     factor = settings.observer_gain_factor
     worked_out: dict[str, Any] = {

@@ -123,8 +123,8 @@ class ControllerSettings:
         -FASTEST,
         FASTEST,
         'rad/s',
-        'known real poles of the plant, such as -1 / time constant of a lag: n entries, one for '
-        'all; 0 = integrators, of which nothing is known',
+        'known real poles of the plant, such as -1 / time constant of a lag, up to n; those that '
+        'are left out are 0 = integrators, of which nothing is known',
     )
     disturbance_frequencies: tuple[float, ...] = numbers(
         (0.0,),
@@ -309,15 +309,21 @@ class ControllerSettings:
             )
         self._check_table()
         check_known(
-            self.plant_poles, self.disturbance_frequencies, SLOWEST, self.measurement_period
+            self.known_poles, self.disturbance_frequencies, SLOWEST, self.measurement_period
         )
         if 0.0 < 0.5 * self.measurement_period <= self.error_deadband:
             allowed = f'less than half of measurement_period = {self.measurement_period!r}'
             raise SettingError('error_deadband', self.error_deadband, allowed)
         n = self.plant_order
-        self._check_length('plant_poles', n)
+        if len(self.plant_poles) > n:
+            raise SettingError('plant_poles', self.plant_poles, f'a list of up to {n} entries')
         self._check_length('fal_gains', n)
         self._check_length('fal_exponents', n)
+
+    @property
+    def known_poles(self) -> tuple[float, ...]:
+        """Return a pole of the plant for each order [rad/s], 0 where none is known."""
+        return self.plant_poles + (0.0,) * (self.plant_order - len(self.plant_poles))
 
     @property
     def received_derivatives(self) -> int:

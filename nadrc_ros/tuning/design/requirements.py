@@ -105,7 +105,7 @@ class Requirements:
         -FASTEST,
         FASTEST,
         'rad/s',
-        'known real poles of the plant, one for each order or one for all; 0 = an integrator',
+        'known real poles of the plant; 0, and one that is left out = an integrator',
     )
     disturbance_frequencies: tuple[float, ...] = numbers(
         (0.0,), 0.0, FASTEST, 'rad/s', 'known frequencies of the disturbance, up to 3; 0 = none'
@@ -125,7 +125,7 @@ class Requirements:
     @property
     def poles(self) -> tuple[float, ...]:
         """Return the known poles, one for each order."""
-        return self.plant_poles * (self.order // len(self.plant_poles))
+        return self.plant_poles + (0.0,) * (self.order - len(self.plant_poles))
 
     @property
     def load(self) -> float:
