@@ -50,6 +50,8 @@ def everything(draw: st.DrawFn) -> ControllerSettings:
     for name in ('plant_poles', 'disturbance_frequencies', 'b0_table', 'input_delay'):
         if draw(st.booleans()):
             del values[name]
+    if values['tracking_acceleration'] > 0.0:
+        values['reference_derivatives'] = draw(st.sampled_from(('topics', 'differentiator')))
     sign = draw(st.sampled_from((1.0, -1.0)))
     values['b0'] *= sign
     if 'b0_table' in values:

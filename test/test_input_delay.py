@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from law_helpers import Chain, design_of, noise
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.delay_line import acting, blank_line, pass_through
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.status import Status
@@ -71,6 +72,13 @@ def test_what_leaves_is_what_entered_a_delay_before(
         count = int(line[0])
         assert sum(line[2 : 2 + 2 * count : 2]) == pytest.approx(delay, rel=1e-12)
         assert acting(line, nan) in sent.commands or shortest < delay / 100
+
+
+def test_a_delay_in_milliseconds_is_refused_with_the_unit() -> None:
+    """As long as a line is, and no longer: beyond, a slower loop is as good."""
+    ControllerSettings(input_delay=1.0).check_rate(100.0)
+    with pytest.raises(SettingError, match=r'at most 1 s, 100 periods at 100 Hz; it is in second'):
+        ControllerSettings(input_delay=20.0).check_rate(100.0)
 
 
 def test_a_line_keeps_a_constant_to_the_bit_and_never_overflows() -> None:

@@ -13,10 +13,11 @@ so that ticks of any rate fit in; that moves a command in time, by less than the
 from __future__ import annotations
 
 from nadrc_ros.adrc.design import Vector
+from nadrc_ros.adrc.rate_checks import LONGEST_DELAY
 from nadrc_ros.adrc.settings import LONGEST
 
-# Pieces: so many periods of delay are exact. One more leaves in part, one more begins.
-_PIECES = 100
+# So many periods of delay are exact. One piece more leaves in part, one more begins.
+_PIECES = LONGEST_DELAY
 _SLOTS = _PIECES + 2
 
 

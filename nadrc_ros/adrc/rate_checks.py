@@ -6,7 +6,9 @@ from nadrc_ros.adrc.errors import SettingError
 
 # Of a known frequency, w h, and of a known pole, -p h. With a sample lost they are still seen.
 MOST_TURN, MOST_DECAY = 1.57, 2.0
-# Periods. A report that comes once in each has up to two behind it, as one is added to its age.
+# Periods. So many of a dead time are exact; a slower loop is as good for a longer one.
+LONGEST_DELAY = 100
+# Of times. A report that comes once in each has up to two behind it, as one is added to its age.
 _FEWEST, _FEWEST_OF_REPORTS = 2.0, 3.0
 
 
@@ -17,17 +19,25 @@ def check_times(
     max_dt: float,
     applied_timeout: float,
     feed_forward_timeout: float,
+    input_delay: float,
 ) -> None:
     """
-    Refuse times that are too short for a loop at ``rate`` [Hz].
+    Refuse times that are too short, or a delay that is too long, for a loop at ``rate`` [Hz].
 
     Raises
     ------
     SettingError
         For one below two periods, or an ``applied_timeout`` below three; of the first two both
-        are named if need be.
+        are named if need be. Also for an ``input_delay`` of more than a hundred periods.
 
     """
+    if input_delay * rate > LONGEST_DELAY * (1.0 + 1e-9):
+        raise SettingError(
+            'input_delay',
+            input_delay,
+            f'at most {LONGEST_DELAY / rate:g} s, {LONGEST_DELAY} periods at {rate:g} Hz; it is in '
+            'seconds, and a plant with a longer one needs no loop of that rate',
+        )
     shortest = _FEWEST / rate
     allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'
     if 0.0 < feed_forward_timeout < shortest:

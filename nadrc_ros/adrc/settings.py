@@ -294,10 +294,10 @@ class ControllerSettings:
                 self.safe_command,
                 f'from command_min = {self.command_min!r} to command_max = {self.command_max!r}',
             )
-        if self.reference_derivatives == 'differentiator' and self.tracking_acceleration == 0.0:
-            raise SettingError(
-                'tracking_acceleration', 0.0, 'above 0 with reference_derivatives = differentiator'
-            )
+        how, tracked = self.reference_derivatives, self.tracking_acceleration > 0.0
+        if (how == 'differentiator' and not tracked) or (how in ('auto', 'none') and tracked):
+            allowed = f'{"0 (off)" if tracked else "above 0"} with reference_derivatives = {how}'
+            raise SettingError('tracking_acceleration', self.tracking_acceleration, allowed)
         travel = self.measurement_max - self.measurement_min
         if 0.99 * self.measurement_period > travel:  # counts lack the last one: 4095 of 4096
             raise SettingError(
@@ -341,6 +341,7 @@ class ControllerSettings:
             max_dt=self.max_dt,
             applied_timeout=self.applied_timeout,
             feed_forward_timeout=self.feed_forward_timeout,
+            input_delay=self.input_delay,
         )
 
     def _check_table(self) -> None:

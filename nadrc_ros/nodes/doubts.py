@@ -83,8 +83,14 @@ class Doubts:
         say('rare samples', self._rare_samples(settings, spacing), looks=_LOOKS)
         say('wrong sign', self._wrong_sign(settings) if in_control else '')
         came = any(each.count for each in references[1:])
-        replaced = settings.error_based or settings.tracking_acceleration > 0.0
-        replaced = replaced or settings.reference_derivatives == 'auto'
+        tracked = settings.tracking_acceleration
+        why = f'tracking_acceleration = {tracked:g} makes a profile with its own'
+        if settings.error_based:
+            why = 'error_based = true takes the error alone'
+        unused = settings.error_based or tracked > 0.0
+        text = f'what comes on {", ".join(derivatives)} is not used: {why}'
+        say('unused derivatives', text if came and unused else '', OK)
+        replaced = unused or settings.reference_derivatives == 'auto'
         late = in_control and held != before and bool(derivatives) and not came and not replaced
         text = (
             f'the reference moves and nothing comes on {", ".join(derivatives)}: it is followed '

@@ -213,6 +213,19 @@ def test_a_moving_reference_without_derivatives_is_news(capfd: pytest.CaptureFix
     assert 'followed late' not in capfd.readouterr().err
 
 
+@pytest.mark.parametrize('how', ('tracking_acceleration', 'error_based'))
+def test_derivatives_that_come_and_are_not_used_are_news(
+    how: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    on = {'tracking_acceleration': 2.0, 'error_based': True}[how]
+    for settings, count in (({how: on}, 0), ({}, 1), ({how: on}, 1)):
+        loop = Loop(**settings)
+        loop.references[1].count = count
+        assert loop.run(8, lambda t: t) == ''
+        told = f'/reference/rate is not used: {how} = ' in capfd.readouterr().err
+        assert told == bool(settings and count)
+
+
 def test_a_remark_is_logged_when_it_is_new_and_not_each_time_it_comes_and_goes(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
