@@ -331,6 +331,33 @@ def test_what_a_sensor_shows_is_an_equivalent_in_its_range() -> None:
         loads(SCENARIO.replace('wrap_max: 180', 'wrap_max: -181'))
 
 
+@pytest.mark.parametrize('left_out', ('wrap_min', 'wrap_max'))
+def test_a_range_with_one_end_is_refused_by_the_other(left_out: str) -> None:
+    other = {'wrap_min': 'wrap_max: 180', 'wrap_max': 'wrap_min: -180'}[left_out]
+    with pytest.raises(SettingError, match=f'{other[:8]}.*with {left_out} beside it'):
+        loads(SCENARIO.replace('wrap_min: -180, wrap_max: 180', other))
+    whole = SCENARIO.replace('wrap_min: -180, wrap_max: 180', 'wrap_min: 0, wrap_max: 360')
+    assert loads(dump(loads(whole))) == loads(whole)
+
+
+def test_a_period_that_is_not_the_range_of_the_sensor_is_refused() -> None:
+    """Its figures would be of an error folded to 2 pi, as 6.28 of 360 degrees."""
+    with pytest.raises(
+        SettingError, match=r'controllers\.angle\.measurement_period = 6\.28'
+    ) as no:
+        loads(
+            SCENARIO.replace(
+                'angle: {measurement_period: 360}', f'angle: {{measurement_period: {2 * pi}}}'
+            )
+        )
+    assert '360, what the sensor wraps by (wrap_max - wrap_min)' in str(no.value)
+    radians = SCENARIO.replace(
+        'wrap_min: -180, wrap_max: 180', 'wrap_min: -3.14159265, wrap_max: 3.14159265'
+    )
+    assert loads(radians.replace('measurement_period: 360', 'measurement_period: 6.28318531'))
+    assert loads(SCENARIO.replace('sensor: {wrap_min: -180, wrap_max: 180}', ''))
+
+
 @at_least(200)
 @given(st.floats(), st.one_of(st.just(0.0), st.floats(1e-15, 1e15)))
 def test_the_short_way_is_at_most_half_a_period(difference: float, period: float) -> None:

@@ -35,8 +35,8 @@ def check_times(
         raise SettingError(
             'input_delay',
             input_delay,
-            f'at most {LONGEST_DELAY / rate:g} s, {LONGEST_DELAY} periods at {rate:g} Hz; it is in '
-            'seconds, and a plant with a longer one needs no loop of that rate',
+            f'at most {LONGEST_DELAY / rate:g} s, {LONGEST_DELAY} periods at {rate:g} Hz; it is '
+            'in seconds, and a plant with a longer one needs no loop of that rate',
         )
     shortest = _FEWEST / rate
     allowed = f'at least two periods, {shortest:g} s at {rate:g} Hz'

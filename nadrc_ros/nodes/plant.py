@@ -40,7 +40,7 @@ from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plant_run import PlantRun
 from nadrc_ros.simulation.protocols import Plant, Signal
-from nadrc_ros.simulation.sensor import Sensor
+from nadrc_ros.simulation.sensor import refuse_one_end, Sensor
 
 _NOISE = 'noise_'
 _MEASUREMENT_FAULT = 'fault.measurement.'
@@ -146,6 +146,8 @@ class PlantNode(LiveNode):
         )
         noise = ParameterGroup(self, noise_fields(), _make_noise, self._change_variance)
         faults = ParameterGroup(self, fault_fields(), self._make_faults, self._inject)
+        sensor = self.declare(Sensor)
+        refuse_one_end({name: p.value for name, p in self._parameter_overrides.items()})
         plant, state = self._plants.value, settings.initial_state
         if len(state) not in (1, plant.states):
             raise SettingError('initial_state', state, f'a list of 1 or {plant.states} entries')
@@ -159,7 +161,7 @@ class PlantNode(LiveNode):
             state,
             faults.value,
             added.value,
-            self.declare(Sensor),
+            sensor,
             settings.input_delay,
             settings.safe_command,
         )

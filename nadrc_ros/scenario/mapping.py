@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 from typing import Any, TypeVar
 
+import attrs
 from nadrc_ros.adrc.cascade import CascadeSettings
 from nadrc_ros.adrc.errors import SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared, refuse_unknown_keys
@@ -19,7 +20,7 @@ from nadrc_ros.simulation.experiment import Conditions, Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.protocols import Plant
-from nadrc_ros.simulation.sensor import Sensor
+from nadrc_ros.simulation.sensor import refuse_one_end, Sensor
 
 S = TypeVar('S', PlantSpec, SignalSpec)
 # Keys whose values are those of the scenario as they are.
@@ -93,7 +94,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         ),
         noise=noise,
         noise_signal=noise_signal,
-        sensor=build(Sensor, _mapping(given.get('sensor', {}), 'sensor'), 'sensor'),
+        sensor=_sensor(given.get('sensor', {})),
         faults=_faults(given.get('faults', {})),
         controllers=_controllers(given['controllers'], limits, plant.make()),
         retunes=_retunes(given.get('retune', [])),
@@ -141,7 +142,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
             **_not_default(noise, 'variance', 'sample_time', without='seed'),
             **({} if added == SignalSpec() else added.as_given()),
         },
-        'sensor': _not_default(scenario.sensor),
+        'sensor': {} if scenario.sensor == Sensor() else attrs.asdict(scenario.sensor),
         'faults': {
             where: [_not_default(fault) for fault in getattr(scenario.faults, where)]
             for where in _FAULTS
@@ -195,6 +196,15 @@ def _noise(data: Any, seed: Any, base_dir: str | Path) -> tuple[Noise, SignalSpe
             raise UnknownName(error.name, error.value, allowed) from None
     refuse_unknown_keys(values, (*_RANDOM_NOISE, *_SOURCES), 'noise')
     return noise, SignalSpec()
+
+
+def _sensor(data: Any) -> Sensor:
+    values = _mapping(data, 'sensor')
+    try:
+        refuse_one_end(values)
+    except SettingError as error:
+        raise error.inside('sensor') from None
+    return build(Sensor, values, 'sensor')
 
 
 def _faults(data: Any) -> Faults:

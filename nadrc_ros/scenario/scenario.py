@@ -16,10 +16,13 @@ from nadrc_ros.scenario.user_code import blame, ScenarioError
 from nadrc_ros.simulation.experiment import Conditions, Experiment, Retune
 from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.protocols import Plant
+from nadrc_ros.simulation.sensor import Sensor
 from nadrc_ros.simulation.simulate import Result, simulate
 
 _ROS_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 _SETTINGS = declared(ControllerSettings)
+# 3.14159 for pi is the same angle.
+_SAME_PERIOD = 1e-5
 # Conditions that a file names beside the values of the plant.
 _OF_THE_PLANT = ('initial_state', 'input_delay')
 
@@ -78,6 +81,8 @@ class Scenario(Conditions):
         except SettingError as error:
             raise error.inside('plant') if error.name in _OF_THE_PLANT else error from None
         _check_controllers(plant, self.controllers, self.rate)
+        for name, settings in self.controllers.items():
+            _check_period(self.sensor, name, settings)
         retunes = _checked_retunes(self.retunes, self.controllers, self.last)
         object.__setattr__(self, 'initial_state', experiment.initial_state)
         object.__setattr__(self, 'retunes', retunes)
@@ -170,6 +175,14 @@ def _check_controllers(
                     raise SettingError('b0_source', 'topic', allowed)
         except SettingError as error:
             raise error.inside(f'controllers.{name}') from None
+
+
+def _check_period(sensor: Sensor, name: str, settings: ControllerSettings) -> None:
+    """Refuse another period of an angle than the sensor has: the figures would be of its error."""
+    period, width = settings.measurement_period, sensor.wrap_max - sensor.wrap_min
+    if period > 0.0 and width > 0.0 and abs(period - width) > _SAME_PERIOD * width:
+        allowed = f'{width:.9g}, what the sensor wraps by (wrap_max - wrap_min), or 0: no angle'
+        raise SettingError(f'controllers.{name}.measurement_period', period, allowed)
 
 
 def _checked_retunes(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import floor
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
@@ -45,6 +47,21 @@ class Sensor:
     def __attrs_post_init__(self) -> None:
         if self.wrap_min > self.wrap_max:
             raise SettingError('wrap_min', self.wrap_min, f'below wrap_max = {self.wrap_max!r}')
+
+
+def refuse_one_end(given: Mapping[str, Any]) -> None:
+    """
+    Refuse a range of which only one end is given: -180 alone would be one of 180 up to 0.
+
+    Raises
+    ------
+    SettingError
+        Names both ends.
+
+    """
+    for name, other in (('wrap_min', 'wrap_max'), ('wrap_max', 'wrap_min')):
+        if name in given and other not in given:
+            raise SettingError(name, given[name], f'with {other} beside it')
 
 
 def shown(value: float, low: float, high: float) -> float:

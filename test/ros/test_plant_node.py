@@ -89,6 +89,12 @@ def test_a_node_takes_a_signal_from_a_file_and_names_what_is_wrong_with_it(
             ReferenceNode(parameters=parameters)
 
 
+def test_a_range_of_the_sensor_with_one_end_is_refused(make_probe: Make) -> None:
+    make_probe(parameters={'plant': PLANT | {'wrap_min': -180.0}})
+    with pytest.raises(UserError, match=r'wrap_min = -180\.0: must be with wrap_max beside it'):
+        PlantNode()
+
+
 def test_a_plant_of_one_step_in_minutes_takes_each_of_them(make_probe: Make) -> None:
     slow = {'rate': 0.01, 'start': 'at_once', 'command_timeout': 0.0, 'safe_command': 1.0}
     probe = make_probe(parameters={'plant': PLANT | slow})
