@@ -16,7 +16,7 @@ from typing import Any
 
 import attrs
 from diagnostic_msgs.msg import DiagnosticArray
-from nadrc_ros.demo.loop_parameters import expected_readers
+from nadrc_ros.demo.loop_parameters import expected_readers, node_parameters
 from nadrc_ros.demo.loop_processes import check, GraphError, Loop, running
 from nadrc_ros.records.recording import read_samples, SUMMARY
 from nadrc_ros.ros.arguments import overrides
@@ -63,6 +63,7 @@ def run_lockstep(
 
     """
     runs = {}
+    _refuse_cascades(scenario, directory)
     for name in scenario.controllers:
         tell(name)
         with running(scenario, [name], directory, lockstep=True) as (loop,):
@@ -86,6 +87,7 @@ def run_realtime(
         When a node fails, does not appear, or refuses a retune.
 
     """
+    _refuse_cascades(scenario, directory)
     init_ros()
     try:
         with running(scenario, list(scenario.controllers), directory, lockstep=False) as loops:
@@ -101,6 +103,12 @@ def run_realtime(
             return runs
     finally:
         rclpy.try_shutdown()
+
+
+def _refuse_cascades(scenario: Scenario, directory: Path) -> None:
+    """Refuse them before any loop runs."""
+    for name in scenario.controllers:
+        node_parameters(scenario, name, directory, lockstep=True)
 
 
 def _collect(loop: Loop, diagnostics: dict[str, float]) -> Run:

@@ -8,6 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
+from nadrc_ros.adrc.status import Cause
 from nadrc_ros.ros.pacing import SharedTimer
 from nadrc_ros.ros.runtime import BAD_START
 
@@ -60,6 +61,12 @@ def make_joined(names: Sequence[str], make: Callable[[str, A | None], A]) -> lis
             raise
         raise UserError(f'axis {name}: {error}') from error
     return list(axes.values())
+
+
+def waits_at_start(controller: Controller) -> bool:
+    """Tell whether it holds for an inner loop that has yet to begin, which is no fault."""
+    inner, waits = controller.inner, controller.cause == Cause.NOT_FOLLOWED
+    return waits and inner is not None and inner.cause == Cause.START
 
 
 def join_cascades(axes: Mapping[str, Axis]) -> None:

@@ -10,17 +10,16 @@ import time
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
-from nadrc_ros.nodes.cascades import make_joined
+from nadrc_ros.nodes.cascades import make_joined, waits_at_start
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates, loop_values
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
-from nadrc_ros.nodes.optional_inputs import OptionalInputs
+from nadrc_ros.nodes.optional_inputs import OptionalInputs, refuse_unused_wires
 from nadrc_ros.nodes.reference_input import ReferenceInput
 from nadrc_ros.nodes.rivals import Rivals
 from nadrc_ros.records.step_trace import TraceWriter
@@ -80,7 +79,8 @@ class ControllerNode(LiveNode):
         self._wiring.add_input('measurement', self._on_measurement, silence=WARN, regular=True)
         for i, topic in enumerate(references):
             self._wiring.add_input(topic, partial(self._reference.receive, i), silence=None)
-        self._optional = OptionalInputs(self._wiring, self.controller, self.pacing.period)
+        self._optional = OptionalInputs(self._wiring, self.controller, self.pacing)
+        refuse_unused_wires(self._wiring, settings, self.reference_from)
         self._sample_ticker: SampleTicker | None = None
         if not in_lockstep:
             rate, by_timer = self.pacing.rate, self._loop.trigger == 'timer'
@@ -134,9 +134,6 @@ class ControllerNode(LiveNode):
         """Make settings that also fit the rate."""
         settings = build(ControllerSettings, values)
         settings.check_rate(self.pacing.rate)
-        if self.pacing.lockstep and settings.b0_source == 'topic':
-            allowed = 'measurement or reference with pacing: lockstep'
-            raise SettingError('b0_source', 'topic', allowed)
         if running := getattr(self, 'controller', None):
             running.check_retune(settings)
         return settings
@@ -284,6 +281,8 @@ class ControllerNode(LiveNode):
     def _log_mode(self) -> bool:
         """Log a change of mode or cause that was not logged yet; return whether it was now."""
         mode, cause = self.controller.mode, self.controller.cause
+        if waits_at_start(self.controller):
+            return False
         if (mode, cause) != self._mode_log.now:
             self.events.tell('mode', self._description, LEVELS[cause])
         message = self._mode_log.of(mode, cause, time.monotonic(), self._unheard)

@@ -6,8 +6,17 @@ from collections.abc import Callable
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.ros.diagnostics import WARN
-from nadrc_ros.ros.topics import APPLIED_TOPIC, FEED_FORWARD_TOPIC, GAIN_TOPIC, Info
+from nadrc_ros.ros.pacing import PacingSettings
+from nadrc_ros.ros.topics import (
+    APPLIED_TOPIC,
+    FEED_FORWARD_TOPIC,
+    GAIN_TOPIC,
+    Info,
+    REFERENCE_TOPICS,
+)
 from nadrc_ros.ros.wiring_parameters import Wiring
 
 
@@ -22,18 +31,29 @@ class OptionalInputs:
     now
         The clock of the ticks [ns], None in lockstep.
 
+    Raises
+    ------
+    SettingError
+        For a ``b0_source`` without a table, or a topic as one in lockstep.
+
     """
 
-    def __init__(self, wiring: Wiring, controller: Controller, period: float) -> None:
+    def __init__(self, wiring: Wiring, controller: Controller, pacing: PacingSettings) -> None:
         self.now: Callable[[], int] | None = None
-        self._period = period
+        self._period = pacing.period
         self._applied: float | None = None
         self._received = 0
         self._feed_forward: float | None = None
         settings = controller.settings
         self._listens = settings.applied_timeout > 0.0
         self._fed = settings.feed_forward_timeout > 0.0
+        if settings.b0_source != 'measurement' and len(settings.b0_table) == 1:
+            allowed = 'left out without a b0_table, which it is the variable of'
+            raise SettingError('b0_source', settings.b0_source, allowed)
         if settings.b0_source == 'topic':
+            if pacing.lockstep:
+                allowed = 'measurement or reference with pacing: lockstep'
+                raise SettingError('b0_source', 'topic', allowed)
             take = controller.take_gain_variable
             wiring.add_input(GAIN_TOPIC, lambda value, _: take(value), silence=WARN)
         if self._listens:
@@ -70,3 +90,26 @@ class OptionalInputs:
         if applied is not None and self.now is not None:
             age = max(0.0, (self.now() - self._received) * 1e-9) + self._period
         return {'applied': applied, 'applied_age': age, 'feed_forward': fed}
+
+
+def refuse_unused_wires(wiring: Wiring, settings: ControllerSettings, reference_from: str) -> None:
+    """
+    Refuse the address of a signal that nothing here takes: it was meant to be heard.
+
+    Raises
+    ------
+    SettingError
+        Names it, and what it would take.
+
+    """
+    derivatives = f'takes {settings.received_derivatives} derivatives'
+    how = f'plant_order = {settings.plant_order} and reference_derivatives = '
+    reason = f'a controller with {how}{settings.reference_derivatives} {derivatives}'
+    why = dict.fromkeys(REFERENCE_TOPICS, reason)
+    if reference_from:
+        reason = f'the reference is the command of the axis {reference_from} (reference_from)'
+        why = dict.fromkeys(REFERENCE_TOPICS, reason)
+    why[GAIN_TOPIC] = 'b0_source is not topic'
+    why[APPLIED_TOPIC] = 'applied_timeout is 0 (off)'
+    why[FEED_FORWARD_TOPIC] = 'feed_forward_timeout is 0 (off)'
+    wiring.refuse_unused(why)

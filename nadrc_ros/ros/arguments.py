@@ -206,12 +206,13 @@ def refuse_unheard(
         if meant and meant[1].rpartition('/')[2] not in {name, executable}:
             raise UserError(f'{flag} {rule}: there is no {meant[1]} here, this is {full}')
     here = [f'{space}/{name}' for space in axes] or [full]
-    if full != here[0]:  # the first axis has looked for all
-        return
     others = _OURS - {name, executable}
     found: list[str] = []
     for file in _files(arguments):
         keys = list(parameters_in(file))
+        if full != here[0]:  # the first axis has looked for all
+            found += keys
+            continue
         meaning_us = [key for key in keys if any(means(key, each) for each in here)]
         found += keys
         if any(_last(key) not in _WILDCARDS for key in meaning_us):
@@ -222,19 +223,20 @@ def refuse_unheard(
         if not meaning_us:
             node.get_logger().info(f'{file} has no parameters of {full}: it runs without them')
     own = [key for key in found if _last(key) == name]
-    for each in here if own else []:
-        if not any(means(key, each) for key in found):
-            raise _unheard(', '.join(_files(arguments)), own, each)
+    if own and not any(means(key, full) for key in found):
+        near = near_to(full, own, _ALIKE) if len(here) > 1 else ''
+        raise _unheard(', '.join(_files(arguments)), own, full, near)
 
 
 def _files(arguments: Sequence[str]) -> list[str]:
     return [path for flag, path in pairwise(arguments) if flag == '--params-file']
 
 
-def _unheard(files: str, keys: Sequence[str], full: str) -> UserError:
+def _unheard(files: str, keys: Sequence[str], full: str, near: str = '') -> UserError:
+    question = f' (did you mean {near}?)' if near else ''
     return UserError(
-        f'{files}: parameters of {", ".join(keys) or "no node"} and none of {full}; for any '
-        f'namespace name them /**/{_last(full)} (with {VALUES}: {{}} if there are none)'
+        f'{files}: parameters of {", ".join(keys) or "no node"} and none of {full}{question}; for '
+        f'any namespace name them /**/{_last(full)} (with {VALUES}: {{}} if there are none)'
     )
 
 

@@ -106,8 +106,9 @@ def set_atomically(
     for p in parameters:
         if p.name in result.reason:
             break
-        if p.type_.value != node.describe_parameter(p.name).type:
-            result.reason = f'{p.name}: {result.reason}'
+        kind = node.describe_parameter(p.name).type
+        if p.type_.value != kind:
+            result.reason = f'{p.name}: {result.reason}{_written(p, kind)}'
             break
     return result
 
@@ -198,10 +199,21 @@ def _declare(node: Node, name: str, field: Declared) -> Any:
         raise SettingError(name, field.default, allowed) from None
     except (InvalidParameterTypeException, InvalidParameterValueException):
         given = node._parameter_overrides[name]
-        allowed = field.allowed()
-        if field.kind == 'number' and given.type_ == Parameter.Type.INTEGER:
-            allowed += f', written with a decimal point: {float(given.value)!r}'
+        allowed = field.allowed() + _written(given, _TYPES[field.kind].value)
         raise SettingError(name, given.value, allowed) from None
+
+
+def _written(given: Parameter, kind: int) -> str:
+    """Return how to write numbers of the wrong type, as 2 for 2.0, for a parameter of a kind."""
+    value = given.value
+    if kind == Parameter.Type.DOUBLE.value and given.type_ == Parameter.Type.INTEGER:
+        return f', written with a decimal point: {float(value)!r}'
+    if kind == Parameter.Type.DOUBLE_ARRAY.value:
+        if given.type_ == Parameter.Type.INTEGER_ARRAY:
+            return f', written with decimal points: {[float(item) for item in value]}'
+        if given.type_ in (Parameter.Type.INTEGER, Parameter.Type.DOUBLE):
+            return f', in brackets: {[float(value)]}'
+    return ''
 
 
 def _default(field: Declared) -> Any:

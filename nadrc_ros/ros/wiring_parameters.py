@@ -150,6 +150,7 @@ class Wiring:
         self.exchange: Exchange = first.exchange if first else Exchange()
         self.wires: dict[str, Wire] = {}
         self.stamp = 0
+        self._taken: set[str] = set()
         self._node = node
         self._times, self._from_future = SampleTimes(0.0), 0
         self._settings = ParameterGroup(node, wiring_fields(), build_wiring).value
@@ -169,6 +170,7 @@ class Wiring:
 
     def add_input(self, topic: str, take: Receive, **more: Any) -> None:
         """Have ``take`` called with each sample of a signal, of one publisher."""
+        self._taken.add(topic)
         if wire := self.wires.get(topic):
             more |= {'wire': wire, 'join': self.exchange.join}
             if wire.keyed:
@@ -185,6 +187,7 @@ class Wiring:
             When a message has no place for it, or another axis has that.
 
         """
+        self._taken.add(topic)
         wire, settings = self.wires.get(topic), self._settings
         if wire is None:
             if settings.frame_id:
@@ -192,6 +195,20 @@ class Wiring:
                 raise SettingError(f'{PREFIX}frame_id', settings.frame_id, allowed)
             return self._node.add_output(topic)
         return self.exchange.sender(self._node, wire, settings.fill, settings.frame_id, value)
+
+    def refuse_unused(self, why: Mapping[str, str]) -> None:
+        """
+        Refuse the address of a signal that nothing was made for, ``why`` by its topic.
+
+        Raises
+        ------
+        SettingError
+            Names it.
+
+        """
+        for topic, wire in self.wires.items():
+            if topic not in self._taken:
+                raise SettingError(wire.name, str(wire.address), f'left out: {why[topic]}')
 
     def flush_after(self, timer: SharedTimer) -> None:
         """Let what several axes send go out when a timer has called all of them."""

@@ -157,6 +157,8 @@ def test_p14_a_plant_with_a_sensor_of_its_speed_is_controlled_until_a_signal_end
     assert probe.end_of(process) == 0, process.said
     probe.wait_until(lambda: pushes[-1] == 0.25)
     assert 'Traceback' not in process.said
+    begun = process.said[: process.said.index('going to the safe')].replace('no reference yet', '')
+    assert 'in control' in begun and 'not in control' not in begun  # the start is no fault
 
 
 def test_a_sensor_has_no_derivative_that_the_plant_does_not_have(make_probe: Make) -> None:
@@ -183,6 +185,10 @@ def test_a_sensor_has_no_derivative_that_the_plant_does_not_have(make_probe: Mak
             'axis velocity: trigger = .measurement.: must be timer with reference_from',
         ),
         ({'position': {'rate': 50.0}}, 'axis position: rate is 100.0 for'),
+        (
+            {'velocity': {'wiring.reference': '/goal std_msgs/Float64 data'}},
+            'axis velocity: wiring.reference = .*the command of the axis position',
+        ),
         (
             {'velocity': {'reference_max': 4.0}},
             'axis velocity: command_max = 5.0: must be at most reference_max = 4.0',

@@ -7,8 +7,9 @@ from pathlib import Path
 import re
 import signal
 
-from nadrc_ros.demo.run import run_realtime
+from nadrc_ros.demo.run import run_lockstep, run_realtime
 from nadrc_ros.scenario import loads
+from nadrc_ros.scenario.user_code import ScenarioError
 from probe import NodeProcess, Probe, Processes
 import pytest
 
@@ -84,6 +85,17 @@ def demo(start: Processes, *arguments: str) -> tuple[NodeProcess, Path]:
     out = start.directory / 'out'
     command = ('-m', 'nadrc_ros.cli', 'demo', str(file), '--out', str(out), *arguments)
     return start.run('demo', *command), out
+
+
+def test_a_cascade_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    text = re.sub('retune: .*', '', SCENARIO)
+    scenario = loads(re.sub('one: .*', 'first: {}', text).replace('two: {', 'third: {inner: {}, '))
+    told: list[str] = []
+    with pytest.raises(ScenarioError, match=r'controllers\.third is a cascade'):
+        run_lockstep(scenario, tmp_path, told.append)
+    with pytest.raises(ScenarioError, match=r'controllers\.third is a cascade'):
+        run_realtime(scenario, tmp_path, lambda *_: told.append('a period'), None)
+    assert told == [] and not list(tmp_path.iterdir())  # there is no log of a node
 
 
 @pytest.mark.parametrize('moment', ['starting', 'running'])

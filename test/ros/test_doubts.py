@@ -217,8 +217,8 @@ def test_a_moving_reference_without_derivatives_is_news(capfd: pytest.CaptureFix
 def test_derivatives_that_come_and_are_not_used_are_news(
     how: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    on = {'tracking_acceleration': 2.0, 'error_based': True}[how]
-    for settings, count in (({how: on}, 0), ({}, 1), ({how: on}, 1)):
+    on: dict[str, Any] = {how: True if how == 'error_based' else 2.0}
+    for settings, count in ((on, 0), ({}, 1), (on, 1)):
         loop = Loop(**settings)
         loop.references[1].count = count
         assert loop.run(8, lambda t: t) == ''

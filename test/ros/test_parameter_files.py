@@ -186,4 +186,5 @@ def test_p13_each_axis_is_meant_by_a_file_if_any_is(
     both = parameter_file(tmp_path / 'both.yaml', {keys[0]: {}, keys[2]: LIMITED})
     process = start('controller', *axes, file=both)
     assert process.end() == 1
-    assert f'{both}: parameters of {keys[0]}, {keys[2]} and none of {keys[1]}; ' in process.said
+    assert f'axis y: {both}: parameters of {keys[0]}, {keys[2]} and none of ' in process.said
+    assert f' and none of {keys[1]} (did you mean ' in process.said

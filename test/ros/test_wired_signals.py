@@ -92,6 +92,18 @@ REFUSED = [
     ({'wiring_stamp': 'now'}, 'wiring.stamp', 'header, source, receipt'),
     ({'pacing': 'lockstep', 'steps': 9}, 'wiring.measurement', 'pacing: lockstep'),
     ({'wiring_comand': 'x y'}, 'wiring.comand', 'wiring.command'),
+    *(
+        ({f'wiring_{name}': '/x std_msgs/Float64 data', **more}, f'wiring.{name} = ', why)
+        for name, why, more in (
+            ('applied', 'must be left out: applied_timeout is 0 (off)', {}),
+            ('feed_forward', 'must be left out: feed_forward_timeout is 0 (off)', {}),
+            ('b0_variable', 'must be left out: b0_source is not topic', {}),
+            ('reference_acceleration', 'takes 1 derivatives', {'plant_order': 1}),
+            ('reference_rate', 'takes 0 derivatives', {'reference_derivatives': 'none'}),
+        )
+    ),
+    ({'b0_source': 'topic'}, 'b0_source', 'left out without a b0_table'),
+    ({'b0_source': 'reference'}, 'b0_source', 'left out without a b0_table'),
 ]
 
 
