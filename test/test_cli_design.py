@@ -31,7 +31,7 @@ def test_the_files_load_where_they_are_meant_to(tmp_path: Path) -> None:
         'Herbst 2013',
         'conventional',
         'nested_2',
-        ' * ',
+        ' *\n',
         'Take ',
         'filtered PID',
         '10 more rows',
