@@ -15,17 +15,19 @@ from typing import Any
 from bag_helpers import write_bag
 from bokeh.document import Document
 from bokeh.models.annotations import BoxAnnotation, Label
+from bokeh.models.sources import ColumnDataSource
 from nadrc_ros.cli.app import app
 from nadrc_ros.records.history import ABOUT, append_event, append_parameters, Event, PARAMETERS
 from nadrc_ros.records.recording import read_samples, RunSettings, SAMPLES, SETTINGS, SUMMARY
 from nadrc_ros.report import page as page_module
+from nadrc_ros.report.roles import STATES
 from nadrc_ros.report.tables import shown_together
 import numpy as np
 import pytest
 from report_helpers import describe, NOTHING, record, SIGNALS
 from typer.testing import CliRunner
 
-ORDER = 'figures changes plots disturbance spectrum timing parameters origin'
+ORDER = 'figures happened plots disturbance spectrum timing parameters origin'
 # Elements without an end.
 VOID = {'meta', 'link', 'input', 'br', 'img', 'line'}
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)>"\'&'
@@ -183,6 +185,39 @@ def test_lines_break_in_a_gap_that_is_shaded_with_its_cause(tmp_path: Path) -> N
     assert [(band.left, band.right) for band in bands] == [(0.99, 3.0)] * 5
 
 
+def test_what_the_controller_did_is_a_strip_and_behind_the_lines(tmp_path: Path) -> None:
+    runs = [record(tmp_path / name, seed=seed) for seed, name in enumerate('ab')]
+    for run, name in zip(runs, 'ab'):
+        describe(run, f'/{name}')
+        for time, text in (
+            (None, 'in control'),
+            (1.0, 'holding: no valid measurement'),
+            (1.5, 'going to the safe command: no valid measurement'),
+            (2.0, 'in control'),
+        ):
+            append_event(run, Event(time, f'/{name}/controller', 'mode', text))
+
+    def behind(page: Page) -> list[tuple[Any, ...]]:
+        bands = (each for each in page.models if isinstance(each, BoxAnnotation))
+        return sorted((band.left, band.right, band.fill_color) for band in bands)
+
+    held, ramped = (1.0, 1.5, STATES['holding']), (1.5, 2.0, STATES['ramping'])
+    alone = report(runs[0])
+    assert alone.data['timed'] == [True] * 6 + [False] * 3
+    assert behind(alone) == [held] * 5 + [ramped] * 5
+    sources = [each.data for each in alone.models if isinstance(each, ColumnDataSource)]
+    spans = [
+        (a, b) for each in sources if 'left' in each for a, b in zip(each['left'], each['right'])
+    ]
+    assert sorted(spans) == [(0.0, 1.0), (1.0, 1.5), (1.5, 2.0), (2.0, 3.99)]
+    cells = re.sub('</?td>', ' ', alone.source)
+    assert ' 0.000  1.000  controller  in control ' in cells
+    assert ' 1.000  0.500  controller  holding: no valid measurement ' in cells
+    both = report(*runs)
+    assert behind(both) == [held] * 2 + [ramped] * 2  # behind the disturbance of each run
+    assert [len(run['states']) for run in both.data['runs']] == [2, 2]
+
+
 @pytest.mark.parametrize('where', ['folder', 'namespace', 'parameter', 'about', 'summary'])
 def test_hostile_names_are_only_text(where: str, tmp_path: Path) -> None:
     plain = HOSTILE.replace('/', '∕')
@@ -234,7 +269,7 @@ def test_a_line_that_was_cut_short_is_left_out(tmp_path: Path) -> None:
     describe(run, '/mine')
     with (run / PARAMETERS).open('a') as file:
         file.write('{"time": 1.0, "node": "/mine/contr')
-    assert 'Parameter changes' not in report(run).text
+    assert 'What happened' not in report(run).text
 
 
 def test_a_run_without_truth_stamps_or_parameters_says_so(tmp_path: Path) -> None:
@@ -278,7 +313,7 @@ def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
     assert re.search('Those in which the runs differ.*inner_bandwidth', page.text, re.DOTALL)
     marks = {text for text, _ in page.labels()}
     assert {'1', '2'} <= marks and '3' not in marks
-    assert '<td>one, two</td>' in page.source
+    assert page.source.count('<td>one, two</td>') == 1
 
 
 def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:

@@ -109,23 +109,26 @@ def test_the_picture_of_a_demo_takes_the_recorded_time_of_a_retune(tmp_path: Pat
 
 
 def told(run: Path) -> list[str]:
-    found = tables.events(read_runs([run]))
-    assert found
-    return [row[-1].text for row in found.rows]
+    found, more = tables.happened(read_runs([run]), [])
+    assert found and not more
+    return [' '.join(cell.text for cell in row) for row in found.rows]
 
 
 def test_what_happened_is_listed_in_order(tmp_path: Path) -> None:
     run = record(tmp_path)
-    assert tables.events(read_runs([run])) is None
+    assert tables.happened(read_runs([run]), []) == (None, 0)
     append_event(run, Event(None, '/mine/controller', 'enable', 'enabled'))
     append_event(run, Event(2.0, '/mine/recorder', 'gap', 'no <measurement>'))
     append_event(run, Event(1.5, '/mine/controller', 'mode', 'holding'))
-    found = told(run)
-    assert found.index('holding') < found.index('no <measurement>')
-    assert 'enabled' not in found  # that was before the run
+    assert told(run) == [
+        ' 1.500 2.490 controller holding',
+        ' 2.000  recorder no <measurement>',  # of another signal: the measurement went on
+    ]  # enabled was before the run
     append_event(run, Event(2.5, '/mine/plant', 'fault', 'measurement silent'))
     append_event(run, Event(3.0, '/mine/plant', 'fault', 'none'))
-    assert 'measurement silent ended' in told(run)
+    append_event(run, Event(None, '/mine/controller', 'mode', 'in control'))
+    append_event(run, Event(3.5, '/mine/controller', 'mode', 'in control'))
+    assert ' 2.500 0.500 plant measurement silent' in told(run)
     (run / EVENTS).write_text('{"time": 1.0, "node": "/mine"}\n')
     with pytest.raises(UserError, match=r'events\.jsonl, line 1'):
         read_history(run)

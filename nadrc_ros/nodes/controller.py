@@ -18,10 +18,11 @@ from nadrc_ros.nodes.cascades import make_joined, waits_at_start
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates, loop_values
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.mode_log import cut_short, describe, jump, LEVELS, ModeLog
+from nadrc_ros.nodes.mode_log import cut_short, jump, LEVELS, ModeLog
 from nadrc_ros.nodes.optional_inputs import OptionalInputs, refuse_unused_wires
 from nadrc_ros.nodes.reference_input import ReferenceInput
 from nadrc_ros.nodes.rivals import Rivals
+from nadrc_ros.records.states import describe
 from nadrc_ros.records.step_trace import TraceWriter
 from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
 from nadrc_ros.ros.graph import OutputWatch

@@ -7,29 +7,21 @@ from math import inf
 
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Cause, Mode
+from nadrc_ros.records.states import describe
 from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
 
 # As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.
 COUNT, SECONDS = 30, 60.0
-_ACTIONS = {
-    Mode.HOLDING: 'holding',
-    Mode.RAMPING: 'going to the safe command',
-    Mode.SAFE: 'at the safe command',
+# How bad it is that the law does not act, by the cause.
+LEVELS = {
+    Cause.NONE: OK,
+    Cause.START: WARN,
+    Cause.DISABLED: WARN,
+    Cause.NOT_FOLLOWED: WARN,
+    Cause.REFERENCE_TIMEOUT: ERROR,
+    Cause.STALLED: ERROR,
+    Cause.MEASUREMENT_TIMEOUT: ERROR,
 }
-# Why the law does not act, and how bad that is.
-_CAUSES = {
-    Cause.NONE: ('restarting', OK),
-    Cause.START: ('no valid measurement yet', WARN),
-    Cause.DISABLED: ('disabled', WARN),
-    Cause.NOT_FOLLOWED: ('the inner loop is not in control', WARN),
-    Cause.REFERENCE_TIMEOUT: ('no valid reference', ERROR),
-    Cause.STALLED: (
-        'no nearer to the reference at a limit of the command, until enabled anew',
-        ERROR,
-    ),
-    Cause.MEASUREMENT_TIMEOUT: ('no valid measurement', ERROR),
-}
-LEVELS = {cause: level for cause, (_, level) in _CAUSES.items()}
 
 
 class ModeLog:
@@ -59,18 +51,6 @@ class ModeLog:
         self._told, passed_over, self._unlogged = text, self._unlogged - 1, 0
         more = f' (after {passed_over} changes that were not logged)' if passed_over > 0 else ''
         return text + more
-
-
-def describe(mode: Mode, cause: Cause, silent: bool = False) -> str:
-    """
-    Return in words what the command is, and why.
-
-    Who is disabled may be ``silent`` without having sent the safe command.
-    """
-    if mode == Mode.OK:
-        return 'in control'
-    action = 'silent' if silent and cause == Cause.DISABLED else _ACTIONS[mode]
-    return f'{action}: {_CAUSES[cause][0]}'
 
 
 def jump(settings: ControllerSettings, applied: float, command: float, allowed: float) -> str:

@@ -25,6 +25,7 @@ from nadrc_ros.records.history import (
     append_parameters,
     Event,
     History,
+    LASTING,
     write_about,
 )
 from nadrc_ros.records.recording import (
@@ -118,6 +119,7 @@ class RecorderNode(LiveNode):
         self._run = RunSettings(rate=rate, **figures)
         topics = self.settings.topics()
         self._columns = ['time', *topics]
+        self._standing: dict[tuple[str, str], str] = {}  # what was told before a run holds in it
         self._senders = {name: Sender(self, f'~/{name}') for name in _METRICS}
         # A controller may be wired to other topics than these, but has its events.
         told = f'{self.settings.controller}/event'
@@ -146,6 +148,8 @@ class RecorderNode(LiveNode):
                 for node, values in self._watch.known.items():
                     append_parameters(folder.path, None, node, values)
                     history.take(None, node, about_figures(values))
+                for (node, kind), message in self._standing.items():
+                    append_event(folder.path, Event(None, node, kind, message))
             except OSError:
                 folder.discard()
                 raise
@@ -212,6 +216,8 @@ class RecorderNode(LiveNode):
         self._note(write, '/parameter_events of ' + node, info)
 
     def _on_event(self, node: str, kind: str, message: str, info: Info) -> None:
+        if kind in LASTING:
+            self._standing[node, kind] = message
         self._note(partial(self._write_event, node, kind, message), 'events of ' + node, info)
 
     def _note(self, note: Note, source: str, info: Info | None) -> None:

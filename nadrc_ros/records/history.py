@@ -29,6 +29,8 @@ from nadrc_ros.simulation.plants import PLANTS
 ABOUT = 'about.json'
 PARAMETERS = 'parameters.jsonl'
 EVENTS = 'events.jsonl'
+# Kinds of events that hold until the next one of their kind from the same node.
+LASTING = ('mode', 'fault')
 # What tells the controller and the plant of this package from other nodes.
 _CONTROLLER_HAS = {'structure', 'inner_bandwidth'}
 _PLANT_HAS = {'plant', 'noise_variance'}

@@ -14,6 +14,7 @@ from nadrc_ros.records.angles import short_way, unwrapped
 from nadrc_ros.records.figures import Figures, figures_of
 from nadrc_ros.records.history import Change, Event, History
 from nadrc_ros.records.recording import RecordingError, RunSettings
+from nadrc_ros.records.states import Lasting, states
 from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 import numpy.typing as npt
@@ -126,6 +127,16 @@ class RecordedRun:
         return attrs.evolve(self, columns=unwrapped(self.columns, period)) if period else self
 
     # ---- besides the samples ----
+
+    @property
+    def states(self) -> list[Lasting]:
+        """Return what the controller did from when to when, as far as it told."""
+        return states(self.history.events, float(self.time[0]), self.end)
+
+    @property
+    def end(self) -> float:
+        """Return when the last row is over, or the log goes on [s]."""
+        return max(self.stop, float(self.time[-1]))
 
     @property
     def changes(self) -> list[Change]:

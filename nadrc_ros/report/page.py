@@ -15,8 +15,9 @@ from bokeh.resources import INLINE
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.records.states import IN_CONTROL
 from nadrc_ros.report import roles, tables
-from nadrc_ros.report.marks import numbered, NumberedChanges
+from nadrc_ros.report.marks import numbered
 from nadrc_ros.report.plots import Plot, Plotter
 from nadrc_ros.report.summary import summary_of, title_of
 from nadrc_ros.report.traces import MOST_OF_ALL, MOST_ROWS, Trace, trace_of
@@ -57,6 +58,7 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         for name, run in turning.items()
         if (plot := plotter.disturbance(name, _which_truth(run))) is not None
     }
+    strip = plotter.strip()
     timed = [plotter.output(), plotter.error(_which_error(runs)), plotter.command()]
     miss = plotter.miss()
     timing = [
@@ -76,7 +78,12 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         if plot is not None
     ]
     spectrum = plotter.spectrum()
-    plots = [*timed, *disturbances.values(), *([miss] if miss else [])]
+    plots = [
+        *([strip] if strip else []),
+        *timed,
+        *disturbances.values(),
+        *([miss] if miss else []),
+    ]
     plots += [*([spectrum] if spectrum else []), *(each.plot for each in timing)]
     gaps = [(name, gap) for name, trace in traces.items() for gap in trace.gaps]
     columns = {name for trace in traces.values() for name in trace.columns}
@@ -86,8 +93,8 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         runs=list(runs),
         looks=plotter.looks,
         figures=tables.figures_of_merit(runs),
-        changes=_changes(marked, list(runs)),
-        events=tables.events(runs),
+        happened=tables.happened(runs, marked),
+        strip=strip,
         timed=timed,
         disturbances=disturbances,
         miss=miss,
@@ -142,6 +149,7 @@ def _data(plots: Sequence[Plot], traces: Mapping[str, Trace], span: tuple[float,
                 'name': name,
                 'columns': {key: _encoded(values) for key, values in trace.columns.items()},
                 'gaps': trace.gaps,
+                'states': [each for each in trace.states if each.state != IN_CONTROL],
             }
             for name, trace in traces.items()
         ],
@@ -155,12 +163,6 @@ def _data(plots: Sequence[Plot], traces: Mapping[str, Trace], span: tuple[float,
 def _encoded(values: Array) -> str:
     """Return doubles, little-endian, in base 64."""
     return b64encode(np.ascontiguousarray(values, '<f8').tobytes()).decode()
-
-
-def _changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> tuple[Any, int]:
-    """Return the table of changes, None without any, and how many it leaves out."""
-    count = sum(len(mark.changes) for mark in marked)
-    return tables.changes(marked, runs), max(0, count - tables.MOST_LISTED)
 
 
 def _which_error(runs: Mapping[str, RecordedRun]) -> str:

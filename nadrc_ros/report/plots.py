@@ -17,13 +17,25 @@ from bokeh.models import (
 from bokeh.models.annotations import BoxAnnotation, Label, Span
 from bokeh.plotting import figure
 from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.records.states import IN_CONTROL
 from nadrc_ros.report.curves import bandwidths, bins, command_spectrum
 from nadrc_ros.report.marks import NumberedChanges
-from nadrc_ros.report.roles import GREY, GRID, INK, level_looks, Look, looks, REFERENCE, TRUTH
+from nadrc_ros.report.roles import (
+    GREY,
+    GRID,
+    INK,
+    level_looks,
+    Look,
+    looks,
+    REFERENCE,
+    STATES,
+    TRUTH,
+)
 from nadrc_ros.report.traces import Trace
 import numpy as np
 
 _MOST_MARKED = 40
+_LONGEST_NAME = 10
 _HEIGHT = 240  # px
 _LEFT, _RIGHT = 70, 14  # px: the same, so that the times lie above each other
 _WHITE = '#ffffff'
@@ -65,6 +77,33 @@ class Plotter:
         self.span = min(starts), max(*ends, min(starts) + 1e-3)
         self._time = Range1d(start=self.span[0], end=self.span[1])
 
+    def strip(self) -> Plot | None:
+        """Return a row for each run with what its controller did, None where none told it."""
+        rows = {name: trace.states for name, trace in self._traces.items()}
+        if not any(rows.values()):
+            return None
+        names = list(rows)
+        made = _base('', 'time [s]', x_range=self._time, y_range=Range1d(start=len(rows), end=0))
+        made.height = 56 + 20 * len(rows)
+        for i, spans in enumerate(rows.values()):
+            for state in STATES:
+                mine = [each for each in spans if each.state == state]
+                made.quad(
+                    left=[each.begin for each in mine],
+                    right=[each.end for each in mine],
+                    top=i + 0.1,
+                    bottom=i + 0.9,
+                    fill_color=STATES[state],
+                    line_color=None,
+                )
+        made.yaxis.ticker = [i + 0.5 for i in range(len(names))]
+        made.yaxis.major_label_overrides = {
+            i + 0.5: _short(name) for i, name in enumerate(names) if len(names) > 1
+        } or {0.5: 'state'}
+        made.ygrid.visible = False
+        self._mark(made)
+        return Plot(made, 'What the controller did, as it told.')
+
     def output(self) -> Plot:
         """Return outputs, references and, hidden at first, measurements."""
         made = self._timed('output y')
@@ -90,7 +129,7 @@ class Plotter:
     def disturbance(self, name: str, caption: str) -> Plot | None:
         """Return the estimate of a run, level by level, over the truth; None without either."""
         run = self.runs[name]
-        made = self._timed('disturbance')
+        made = self._timed('disturbance', [name])
         self._line(made, name, 'truth', Look(TRUTH, 'solid'), 2.4)
         levels = run.levels if len(run.levels) > 1 else []
         for level, look in zip(levels, level_looks(len(levels))):
@@ -212,8 +251,18 @@ class Plotter:
             line.tags = [list(self.runs).index(name), column, column == 'command']
             line.visible = column != 'measurement'
 
-    def _timed(self, title: str) -> figure:
+    def _timed(self, title: str, shaded: Iterable[str] = ()) -> figure:
+        """Return a figure over time; behind it is what the controllers of runs did."""
         made = _base(title, 'time [s]', x_range=self._time, y_range=Range1d(start=0.0, end=1.0))
+        for name in shaded if len(self.runs) > 1 else self.runs:
+            for each in self._traces[name].states:
+                if each.state != IN_CONTROL:
+                    made.add_layout(
+                        BoxAnnotation(
+                            left=each.begin, right=each.end, line_color=None, level='underlay',
+                            fill_color=STATES[each.state], fill_alpha=0.5,
+                        )
+                    )  # fmt: skip
         for trace in self._traces.values():
             for gap in trace.gaps:
                 made.add_layout(
@@ -223,10 +272,13 @@ class Plotter:
                         hatch_alpha=0.35, hatch_weight=0.5,
                     )
                 )  # fmt: skip
+        self._mark(made)
+        return made
+
+    def _mark(self, made: figure) -> None:
         for mark in self._marked:
             made.add_layout(_across(mark.time, 'height'))
             made.add_layout(_letter(mark.time, str(mark.number)))
-        return made
 
 
 def _base(y: str, x: str, **ranges: Any) -> figure:
@@ -277,6 +329,10 @@ def _letter(place: float, text: str) -> Label:
         text_color=INK, text_font_size='12px', background_fill_color=_WHITE,
         background_fill_alpha=0.8,
     )  # fmt: skip
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f'{name[: _LONGEST_NAME - 1]}…'
 
 
 def _extent(columns: Iterable[Array]) -> tuple[float, float]:

@@ -189,9 +189,12 @@ function draw_cursor() {
       cell.textContent = values && i >= 0 ? text(values[i]) : '–';
     }
   }
-  find('#gap').textContent = at === null ? '' : runs.flatMap(({ name, gaps }) => gaps
-    .filter(([begin, end]) => begin < at && at < end)
-    .map(([, , cause]) => (runs.length > 1 ? `${name}: ${cause}` : cause))).join('; ');
+  find('#gap').textContent = at === null ? '' : runs.flatMap(({ name, gaps, states }) => {
+    const now = ([begin, end]) => begin <= at && at < end;
+    const said = states.filter(now).map(([, , state, cause]) => `${state} (${cause})`);
+    said.push(...gaps.filter(now).map(([, , cause]) => cause));
+    return said.map((each) => (runs.length > 1 ? `${name}: ${each}` : each));
+  }).join('; ');
 }
 
 /** As many decimals of time as tell rows apart. */

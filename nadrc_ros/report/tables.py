@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import floor, isfinite, isnan, log10
+from math import floor, inf, isfinite, isnan, log10
 from typing import NamedTuple
 
-import attrs
-from nadrc_ros.records.history import Event
+from nadrc_ros.records.history import LASTING
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
 import numpy as np
@@ -128,61 +127,78 @@ def _count(value: object) -> str:
     return str(value) if isinstance(value, int) else _MISSING
 
 
-def changes(marked: Sequence[NumberedChanges], runs: Sequence[str]) -> Table | None:
-    """Return a row for each change of a parameter, with the number of its mark in the plots."""
+def happened(
+    runs: Mapping[str, RecordedRun], marked: Sequence[NumberedChanges]
+) -> tuple[Table | None, int]:
+    """
+    Return what happened during the runs, in order, and how much of it is left out.
+
+    States, faults and gaps have their duration, changes of parameters the number of their mark.
+    """
+    found = [each for name, run in runs.items() for each in _of_events(name, run)]
+    for mark in marked:
+        for change, names in mark.changes:
+            what = f'{change.name}: {text_of(change.before)} → {text_of(change.after)}'
+            whose = ', '.join(run for run in runs if run in names)
+            found.append(_Happened(mark.time, '', whose, node_of(change.node), what, mark.number))
+    if not found:
+        return None, 0
+    found.sort(key=lambda each: each.time)
+    several = len(runs) > 1
     rows = [
-        {
-            'mark': str(mark.number),
-            'time': f'{mark.time:.4g}\u00a0s',
-            'run': ', '.join(run for run in runs if run in names),
-            'node': node_of(change.node),
-            'parameter': change.name,
-            'from': text_of(change.before),
-            'to': text_of(change.after),
-        }
-        for mark in marked
-        for change, names in mark.changes
+        [
+            Cell(str(each.mark or '')),
+            Cell(f'{each.time:.3f}'),
+            Cell(each.duration),
+            *([Cell(each.run)] if several else []),
+            Cell(each.node),
+            Cell(each.what),
+        ]
+        for each in found[:MOST_LISTED]
     ]
-    return _listing(rows, several=len(runs) > 1)
+    header = ['mark', 'time [s]', 'for [s]', *(['run'] if several else []), 'node', 'what']
+    return Table(header, rows, words=len(header)), len(found[MOST_LISTED:])
 
 
-def events(runs: Mapping[str, RecordedRun]) -> Table | None:
-    """Return a row for each thing that happened during the runs, None if nothing is known."""
-    found = [
-        (event.time, name, event)
-        for name, run in runs.items()
-        for event in _with_ends(run.events)
-        if event.time is not None
-    ]
-    rows = [
-        {
-            'time': f'{time:.4g}\u00a0s',
-            'run': name,
-            'node': node_of(event.node),
-            'event': event.message,
-        }
-        for time, name, event in sorted(found, key=lambda each: each[0])
-    ]
-    return _listing(rows, several=len(runs) > 1)
+class _Happened(NamedTuple):
+    time: float
+    duration: str
+    run: str
+    node: str
+    what: str
+    mark: int = 0
 
 
-def _listing(rows: Sequence[Mapping[str, str]], several: bool) -> Table | None:
-    """Return a table of text by column, without that of the run where there is only one."""
-    header = [name for name in (rows[0] if rows else ()) if several or name != 'run']
-    cells = [[Cell(row[name]) for name in header] for row in rows[:MOST_LISTED]]
-    return Table(header, cells, words=len(header)) if rows else None
-
-
-def _with_ends(events: Sequence[Event]) -> list[Event]:
-    """Return events that say which fault has ended, where a plant tells that there is none."""
-    found, before = [], 'the fault'
-    for event in events:
-        if event.kind == 'fault' and event.message == 'none':
-            event = attrs.evolve(event, message=f'{before} ended')
-        elif event.kind == 'fault':
-            before = event.message
-        found.append(event)
+def _of_events(name: str, run: RecordedRun) -> list[_Happened]:
+    """Return the events during a run, and the state in which it begins."""
+    found = []
+    begin, end = float(run.time[0]), run.end
+    events = sorted(run.history.events, key=lambda e: -inf if e.time is None else e.time)
+    for i, event in enumerate(events):
+        following = (e for e in events[i + 1 :] if (e.node, e.kind) == (event.node, event.kind))
+        until = next(following, None)
+        stop = end if until is None or until.time is None else until.time
+        time = event.time
+        if event.kind in LASTING and (time is None or time < begin) and stop > begin:
+            time = begin
+        none = event.kind == 'fault' and event.message == 'none'
+        if time is None or none or not begin <= time <= end or stop < begin:
+            continue
+        duration = ''
+        if event.kind in LASTING:
+            duration = f'{min(stop, end) - time:.3f}'
+        elif event.kind == 'gap':
+            duration = _silence(run, time)
+        found.append(_Happened(time, duration, name, node_of(event.node), event.message))
     return found
+
+
+def _silence(run: RecordedRun, time: float) -> str:
+    """Return for how long there was no measurement after a time, '' if there was one."""
+    measured = run.time[np.isfinite(run.columns['measurement'])]
+    after = measured[measured > time + 0.5 / run.rate]
+    end = float(after[0]) if after.size else run.end
+    return f'{end - time:.3f}' if end - time > 2.0 / run.rate else ''
 
 
 def timing(columns: Mapping[str, Array]) -> Table:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import attrs
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.records.spacing import GAP_SPACINGS
+from nadrc_ros.records.states import Lasting
 from nadrc_ros.report.curves import kept
 import numpy as np
 
@@ -38,6 +39,8 @@ class Trace:
         ``time`` [s] and the signals by name, (N,); a row of nan breaks all lines.
     gaps
         Where there was no measurement.
+    states
+        What the controller did, as far as it told.
     every
         Of so many rows the lowest and the highest of each signal are there; 1 = all rows.
 
@@ -45,6 +48,7 @@ class Trace:
 
     columns: dict[str, Array]
     gaps: list[Gap]
+    states: list[Lasting]
     every: int
 
 
@@ -71,7 +75,7 @@ def trace_of(run: RecordedRun, most: int = MOST_ROWS) -> Trace:
         chosen = np.unique(np.concatenate([kept(each, points) for each in signals]))
         columns = {name: each[chosen] for name, each in columns.items()}
         every = -(-3 * rows // points)
-    return Trace(_broken(columns, run.figure_gaps), _gaps(run), every)
+    return Trace(_broken(columns, run.figure_gaps), _gaps(run), run.states, every)
 
 
 def _broken(columns: Mapping[str, Array], gaps: list[tuple[float, float]]) -> dict[str, Array]:

@@ -13,6 +13,7 @@ from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import Event, read_history
 from nadrc_ros.records.recording import read_samples, SUMMARY
+from nadrc_ros.records.states import states
 from probe import Probe
 import pytest
 
@@ -61,6 +62,8 @@ def test_every_change_of_state_is_an_event_with_its_time(
     rows = node.figures.rows
     probe.wait_until(lambda: node.figures.rows > rows + 60)
     assert probe.trigger('recorder/reset').success
+    standing = [e for e in read_history(node.folder.path).events if e.time is None]
+    assert [e.message for e in standing if e.kind == 'mode'] == ['in control']
 
     history, end = read_history(folder), read_samples(folder)['time'][-1]
     known = [event for event in history.events if event.time is not None]
@@ -80,6 +83,9 @@ def test_every_change_of_state_is_an_event_with_its_time(
     assert 'outer_bandwidth' in refused.message and '-3.0' in refused.message
     said = [event.message for event in known if event.kind == 'enable']
     assert said == ['disabled', 'enabled']
+    lasted = [each.state for each in states(history.events, 0.0, end)]
+    assert lasted[0] == 'in control' and lasted[-1] == 'in control'
+    assert 'holding' in lasted and {'ramping', 'off'} & set(lasted)
     changes = {change.after: change.time for change in history.changes if change.name == SILENT}
     assert changes['silent'] == pytest.approx(begin, abs=0.1)
     assert changes['none'] == pytest.approx(over, abs=0.1)
