@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 import signal
 
+from files_helpers import differences, document, files_of
 from nadrc_ros.demo.run import run_lockstep, run_realtime
 from nadrc_ros.scenario import loads
 from nadrc_ros.scenario.user_code import ScenarioError
@@ -76,7 +77,10 @@ README = (Path(__file__).parents[2] / 'README.md').read_text(encoding='utf-8')
 def test_the_demo_of_the_front_page_runs(command: str, tmp_path: Path, start: Processes) -> None:
     process = start.run('demo', '-m', 'nadrc_ros.cli', *command.split(), '--out', str(tmp_path))
     assert process.end(120.0) == 0, process.said
-    assert any(tmp_path.rglob('*.png')) and any(tmp_path.rglob('*.json'))
+    found = document(tmp_path / 'summary.json', 'demo')
+    assert differences('`summary.json` of a demo', found) == []
+    written = {path.name for path in tmp_path.glob('nested/*')} | {'summary.json', 'demo.png'}
+    assert written - {'runs'} == files_of('`nadrc demo`')
 
 
 def demo(start: Processes, *arguments: str) -> tuple[NodeProcess, Path]:

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from files_helpers import recording
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
@@ -89,6 +90,7 @@ def test_every_change_of_state_is_an_event_with_its_time(
     changes = {change.after: change.time for change in history.changes if change.name == SILENT}
     assert changes['silent'] == pytest.approx(begin, abs=0.1)
     assert changes['none'] == pytest.approx(over, abs=0.1)
+    assert recording(folder) == []  # all of it, and nothing else, is in docs/files.md
 
 
 def in_order(events: list[Event]) -> list[Event]:
