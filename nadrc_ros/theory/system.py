@@ -157,5 +157,6 @@ def held(system: StateSpace, h: float) -> tuple[Array, Array]:
 @lru_cache(maxsize=32)
 def _exponential(matrix: bytes, size: int) -> Array:
     """Return the exponential: the same plant is sampled for every design that is compared."""
-    exponential: Any = linalg.expm(np.frombuffer(matrix).reshape(size, size))
+    # a copy, as SciPy before 1.12 takes no array that is read-only
+    exponential: Any = linalg.expm(np.frombuffer(matrix).reshape(size, size).copy())
     return np.asarray(exponential, dtype=float)
