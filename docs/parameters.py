@@ -14,7 +14,7 @@ from nadrc_ros.nodes.plant import (
     noise_fields,
     PlantSettings,
 )
-from nadrc_ros.nodes.recorder import RecorderSettings
+from nadrc_ros.nodes.recorder import RecorderSettings, unit_fields
 from nadrc_ros.nodes.reference import ReferenceSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
@@ -50,7 +50,7 @@ def page() -> str:
         'reference, with `signal: my_log.csv`; `disturbance_`, `noise_signal_` for the plant': (
             REFERENCE.fields('my_log.csv')
         ),
-        'recorder': declared(RecorderSettings),
+        'recorder': declared(RecorderSettings) | unit_fields(),
     }
     parts = [INTRODUCTION]
     parts += [f'## {title}\n\n{table(fields)}' for title, fields in tables.items()]

@@ -23,6 +23,9 @@ nadrc demo thermal --lockstep
 (`nadrc` is `.venv/bin/nadrc` after `make demo` or `make test`, and on the `PATH` of a sourced
 workspace or a pip install.)
 
+`units: {output: rad, command: V}` goes to every axis and table of the [report](report.md); a
+recorder has the parameters `units.output` and `units.command`.
+
 A copy of a file is the start of a scenario of your own. The tests run every one of them and check
 that the error settles and the command stays within its limits.
 

@@ -121,7 +121,7 @@ def test_a_trace(tmp_path: Path) -> None:
 
 
 def test_a_difference_is_found() -> None:
-    found = {'started', 'namespace', 'version'}
+    found = {'started', 'namespace', 'version', 'units.output'}
     assert differences('`about.json`', found) == [
         '`about.json`: version is not on the page',
         '`about.json`: versions.<package> is not in the file',

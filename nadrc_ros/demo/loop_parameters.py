@@ -66,7 +66,8 @@ def node_parameters(
         'recorder': recorder_parameters(
             settings, directory, 0.0 if lockstep else scenario.duration
         )
-        | {'error': scenario.error, 'settle_time': scenario.experiment.settled},
+        | {'error': scenario.error, 'settle_time': scenario.experiment.settled}
+        | {f'units.{key}': value for key, value in attrs.asdict(scenario.units).items()},
     }
     steps = scenario.experiment.steps if lockstep else None
     return {

@@ -15,7 +15,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.adrc.fields import declared, number, text
+from nadrc_ros.adrc.fields import build, Declared, declared, number, text
 from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.nodes.recorder_intake import Intake
 from nadrc_ros.records.figures import Figures, summary
@@ -44,9 +44,11 @@ from nadrc_ros.ros.diagnostics import OK, receive_events, Report, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.parameter_watch import ParameterWatch
-from nadrc_ros.ros.parameters import written_to
+from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import run_command
+from nadrc_ros.ros.signal_parameters import behind, without
 from nadrc_ros.ros.topics import Info, Sender
+from nadrc_ros.scenario.units import Units
 from nadrc_ros.simulation.metrics import MetricValues
 import rclpy
 
@@ -54,6 +56,7 @@ import rclpy
 _FLUSH = 0.2
 _METRICS = tuple(field.name for field in attrs.fields(MetricValues))
 _SECOND = 1_000_000_000  # ns
+_UNITS = 'units.'
 # Writes something down, with its time in the run [s].
 Note = Callable[[float | None], None]
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
@@ -113,6 +116,7 @@ class RecorderNode(LiveNode):
     def set_up(self) -> None:
         """Declare the parameters and join the graph."""
         self.settings = self.declare(RecorderSettings)
+        self._units = ParameterGroup(self, unit_fields(), _make_units).value
         figures = {name: getattr(self.settings, name) for name in declared(FigureSettings)}
         figures['settle_time'] = self.settings.settle_time or 0.1 * self.settings.duration
         rate = self.pacing.rate if self.pacing.lockstep else 0.0
@@ -191,6 +195,7 @@ class RecorderNode(LiveNode):
             'started': started.isoformat(),
             'namespace': self.get_namespace(),
             'versions': _versions(),
+            'units': attrs.asdict(self._units),
         }
 
     def _summary(self) -> dict[str, Any]:
@@ -350,6 +355,15 @@ class RecorderNode(LiveNode):
     def close(self) -> None:
         """Write the summary."""
         self._end_run()
+
+
+def unit_fields() -> dict[str, Declared]:
+    """Return the parameters of the units."""
+    return behind(_UNITS, declared(Units))
+
+
+def _make_units(values: dict[str, Any]) -> Units:
+    return build(Units, without(_UNITS, values), _UNITS[:-1])
 
 
 def _versions() -> dict[str, str]:

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.angles import short_way, unwrapped
 from nadrc_ros.records.figures import Figures, figures_of
 from nadrc_ros.records.history import Change, Event, History
 from nadrc_ros.records.recording import RecordingError, RunSettings
 from nadrc_ros.records.states import Lasting, states
+from nadrc_ros.scenario.units import Units
 from nadrc_ros.simulation.metrics import MetricValues
 import numpy as np
 import numpy.typing as npt
@@ -127,6 +129,20 @@ class RecordedRun:
         return attrs.evolve(self, columns=unwrapped(self.columns, period)) if period else self
 
     # ---- besides the samples ----
+
+    @property
+    def units(self) -> Units:
+        """Return the units that its recorder was told; a record may hold anything."""
+        told = self.history.about.get('units')
+        try:
+            return Units(**told) if isinstance(told, dict) else Units()
+        except (TypeError, UserError):
+            return Units()
+
+    def unit(self, column: str) -> str:
+        """Return the unit of a signal, '' if it is not known."""
+        settings = self.history.controller_settings()
+        return self.units.of(column, settings[0][1].plant_order if settings else 0)
 
     @property
     def states(self) -> list[Lasting]:

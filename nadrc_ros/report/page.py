@@ -102,6 +102,7 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         timing=timing,
         number={plot.figure.id: i for i, plot in enumerate(plots)},
         columns=columns,
+        units={name: plotter.unit(name) for name in _READ_OUT.values()},
         read_out={sign: name for sign, name in _READ_OUT.items() if name in columns},
         levels=sorted(name for name in columns if name.startswith('level_')),
         level_looks=roles.level_looks(len(columns)),

@@ -106,7 +106,7 @@ class Plotter:
 
     def output(self) -> Plot:
         """Return outputs, references and, hidden at first, measurements."""
-        made = self._timed('output y')
+        made = self._timed(self._with_unit('output y', 'output'))
         for name in self.runs:
             self._line(made, name, 'reference', Look(REFERENCE, 'dotted'), 1.4)
             self._line(made, name, 'measurement', self.looks[name], 0.7)
@@ -129,7 +129,7 @@ class Plotter:
     def disturbance(self, name: str, caption: str) -> Plot | None:
         """Return the estimate of a run, level by level, over the truth; None without either."""
         run = self.runs[name]
-        made = self._timed('disturbance', [name])
+        made = self._timed(self._with_unit('disturbance', 'truth'), [name])
         self._line(made, name, 'truth', Look(TRUTH, 'solid'), 2.4)
         levels = run.levels if len(run.levels) > 1 else []
         for level, look in zip(levels, level_looks(len(levels))):
@@ -156,8 +156,9 @@ class Plotter:
         low, high = _extent([*(omega for omega, _ in found.values()), *marks])
         bottom, top = _extent(density for _, density in found.values())
         bottom = max(bottom, top * 10.0**-_DEEPEST)
+        squared = f'({unit})²' if (unit := self.unit('command')) else 'u²'
         made = _base(
-            'density of u [u² / (rad/s)]',
+            f'density of u [{squared} / (rad/s)]',
             'frequency [rad/s]; above: [Hz]',
             x_range=Range1d(start=low, end=high),
             y_range=Range1d(start=0.7 * bottom, end=top * 10.0**_HEADROOM),
@@ -238,10 +239,19 @@ class Plotter:
         return Plot(made, caption + more, timed=False)
 
     def _each(self, column: str, title: str, caption: str) -> Plot:
-        made = self._timed(title)
+        made = self._timed(self._with_unit(title, column))
         for name in self.runs:
             self._line(made, name, column, self.looks[name])
         return Plot(made, caption)
+
+    def unit(self, column: str) -> str:
+        """Return the unit of a signal, if it is the same in all runs."""
+        units = {run.unit(column) for run in self.runs.values()}
+        return units.pop() if len(units) == 1 else ''
+
+    def _with_unit(self, title: str, column: str) -> str:
+        unit = self.unit(column)
+        return f'{title} [{unit}]' if unit else title
 
     def _line(self, made: figure, name: str, column: str, look: Look, width: float = 1.5) -> None:
         """Add a line that the page fills with a column of a run, if it has that."""

@@ -57,12 +57,13 @@ def _alone(runs: Mapping[str, RecordedRun]) -> str:
     metrics = run.metrics
     if not metrics.samples:
         return 'No sample has both an error and a command.'
+    unit = f' {run.units.output}' if run.units.output else ''
     if isnan(metrics.peak_error):
-        text = f'The error stayed within {_figure(metrics.max_error)}'
+        text = f'The error stayed within {_figure(metrics.max_error)}{unit}'
     else:
         begin = f'{run.figure_settings.settle_time:.4g} s'
-        text = f'From {begin} on the error stayed within {_figure(metrics.peak_error)}'
-    text += f' (RMSE {_figure(metrics.rmse)} over all); ITAE is {_figure(metrics.itae)}'
+        text = f'From {begin} on the error stayed within {_figure(metrics.peak_error)}{unit}'
+    text += f' (RMSE {_figure(metrics.rmse)}{unit} over all); ITAE is {_figure(metrics.itae)}'
     if not isnan(metrics.saturated_fraction):
         share = shown('saturated_fraction', metrics.saturated_fraction)
         text += f', and the command was at a limit for {share} of the time'

@@ -77,7 +77,9 @@ def figures_of_merit(runs: Mapping[str, RecordedRun]) -> Table:
             Cell(text, title='' if isnan(value) else repr(value), wins=wins(value, rivals))
             for text, value in zip(texts, values)
         ]
-        rows.append([Cell(label, meaning), *cells])
+        units = {run.units.of_figure(key) for run in runs.values()}
+        unit = units.pop() if len(units) == 1 else ''
+        rows.append([Cell(f'{label} [{unit}]' if unit else label, meaning), *cells])
     return Table(['', *runs], rows + _counted(runs))
 
 

@@ -15,6 +15,7 @@ from nadrc_ros.adrc.fields import build, declared, refuse_unknown_keys
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.scenario import Scenario
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
+from nadrc_ros.scenario.units import Units
 from nadrc_ros.scenario.user_code import ScenarioError
 from nadrc_ros.simulation.experiment import Conditions, Retune
 from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault
@@ -35,6 +36,7 @@ _KEYS = (
         'sensor',
         'faults',
         'seed',
+        'units',
         *_SAME,
     ),
     *('limits', 'controllers', 'retune'),
@@ -98,6 +100,7 @@ def from_mapping(data: Mapping[Any, Any], base_dir: str | Path) -> Scenario:
         faults=_faults(given.get('faults', {})),
         controllers=_controllers(given['controllers'], limits, plant.make()),
         retunes=_retunes(given.get('retune', [])),
+        units=build(Units, _texts(given.get('units', {})), 'units'),
         **{key: given[key] for key in _SAME if key in given},
     )
 
@@ -149,6 +152,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
             if getattr(scenario.faults, where)
         },
         'seed': noise.seed,
+        **({'units': units} if (units := _not_default(scenario.units)) else {}),
         **{key: getattr(scenario, key) for key in _SAME},
         'controllers': {name: _settings(s) for name, s in scenario.controllers.items()},
         'retune': [{'time': r.time, **r.settings} for r in scenario.retunes],
@@ -281,6 +285,14 @@ def _retunes(data: Any) -> tuple[Retune, ...]:
         time = values.pop('time')
         retunes.append(build(Retune, {'time': time, 'settings': values}, f'retune[{i}]'))
     return tuple(retunes)
+
+
+def _texts(data: Any) -> dict[str, str]:
+    values = _mapping(data, 'units')
+    for key, value in values.items():
+        if not isinstance(value, str):
+            raise SettingError(f'units.{key}', value, "text, in quotes: '1', '%'")
+    return values
 
 
 def _settings(settings: ControllerSettings) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from nadrc_ros.adrc.errors import did_you_mean, SettingError, UnknownName
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario.specs import PlantSpec, SignalSpec
+from nadrc_ros.scenario.units import Units
 from nadrc_ros.scenario.user_code import blame, ScenarioError
 from nadrc_ros.simulation.experiment import Conditions, Experiment, Retune
 from nadrc_ros.simulation.integrate import substeps_for
@@ -43,6 +44,8 @@ class Scenario(Conditions):
     controllers
         Settings by name; a name is also a ROS namespace. The plant order is that of the plant; of
         a cascade, the orders of its loops make that together.
+    units
+        Units of output and command, for axes and tables.
     retunes
         Changes of settings on the way, in order of time, for every controller.
     experiment
@@ -63,6 +66,7 @@ class Scenario(Conditions):
     disturbance: SignalSpec = attrs.field(factory=SignalSpec)
     noise_signal: SignalSpec = attrs.field(factory=SignalSpec)
     feed_forward: SignalSpec = attrs.field(factory=SignalSpec)
+    units: Units = attrs.field(factory=Units)
     experiment: Experiment = attrs.field(init=False, eq=False, repr=False)
 
     def __attrs_post_init__(self) -> None:
