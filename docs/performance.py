@@ -59,14 +59,14 @@ def compared(figures: Figures, base: str, key: str) -> list[tuple[str, float]]:
 
 
 def step(figures: Figures) -> str:
-    head = '', 'times pyadrc', 'median us', 'p99 us'
+    head = '', 'relative to pyadrc (1 = same, less is faster)', 'median us', 'p99 us'
     ratios = compared(figures, 'pyadrc_statespace', 'median_us')
     rows = [[*ratio, *own.values()] for ratio, own in zip(ratios, figures.values())]
     return table(head, rows)
 
 
 def simulate(figures: Figures) -> str:
-    head = '', 'times `simulate`', 'ns per step'
+    head = '', 'relative to `simulate` (less is faster)', 'ns per step'
     ratios = compared(figures, 'nadrc', 'ns_per_step')
     return table(head, [[*ratio, *own.values()] for ratio, own in zip(ratios, figures.values())])
 
@@ -100,7 +100,7 @@ def batch(figures: Figures) -> str:
             if name.startswith('peak_mb_')
         ),
     ]
-    return table(('', 'figure'), [row for row in rows if len(row) == 2])
+    return table(('', 'value'), [row for row in rows if len(row) == 2])
 
 
 def ros_latency(figures: Figures) -> str:
@@ -141,7 +141,7 @@ def start_up(figures: Figures) -> str:
         ['a bare node, median s', figures['bare_node_s']],
         ['of it our own imports s', figures['own_imports_s']],
     ]
-    return table(('', 'figure'), rows)
+    return table(('', 'value'), rows)
 
 
 def page() -> str:

@@ -22,22 +22,22 @@ PAGE = Path(__file__).with_name('safety.md')
 PICTURE = PAGE.with_name('states.svg')
 TESTS = PAGE.parents[1] / 'test'
 PROMISES = (
-    'A measurement or reference that is no number never enters the observer: estimates and '
-    'profile stay the same to the bit, only the mean of the command over the gap goes on, and the '
-    'status says so.',
-    'No command that is no number or outside its limits is ever published, whatever comes in.',
-    'What is no number never becomes full actuator: it is sorted out before the clamp.',
-    'No poison: after bad samples the loop is back in its band within a stated number of good '
-    'ones.',
-    'The command changes by at most rate limit x time, and by no less where the law asks for '
-    'more, however seldom samples come; also at a start, a retune, a switch of structure and at '
+    'A NaN or infinite measurement or reference never reaches the observer: estimates and profile '
+    'stay bit-identical, only the mean of the command over the gap goes on, and the status says '
+    'so.',
+    'A published command is always finite and within its limits, whatever comes in.',
+    'NaN never turns into a full-scale command: it is rejected before clamping.',
+    'No lasting effect: after bad samples the loop is back in its band within a stated number of '
+    'good ones.',
+    'The command changes by at most rate limit x time, and by no less if the law asks for more, '
+    'however rare the samples are; also at a start, a retune, a switch of structure and at '
     'both ends of a fault. Two exceptions, both logged: a range that is narrowed is entered at '
     'once, and at a stop the ramp ends after 0.5 s with the safe command. Where another command '
     'is reported to act, the change may count from that, and a fault goes to it in one tick.',
     'The observers are driven by the command that was applied: ten seconds in saturation leave no '
     'windup that grows, and a bounded overshoot.',
     'When no valid measurement comes for `measurement_timeout`, the fault action starts within '
-    'one period and /diagnostics says ERROR: hold for at most `hold_time`, then to '
+    'one period and /diagnostics reports ERROR: hold for at most `hold_time`, then to '
     '`safe_command` at the rate limit.',
     'Before `good_samples` valid measurements in a row only the safe command is sent. Before the '
     'first reference, the last of them is held; with `good_samples` from 3, one odd reading never '
@@ -46,13 +46,13 @@ PROMISES = (
     'corrupt the estimate.',
     'A time step that is not positive updates nothing; after more than `max_dt`, or a jump of the '
     'clock, the observers restart without a bump.',
-    'Enabling is bumpless: the first command is the last applied or the safe one, to 1e-9.',
+    'Enabling is bumpless: the first command is the last applied or the safe one, within 1e-9.',
     'A live change of parameters is atomic, acts between two steps, and leaves the command of the '
     'present sample as it is, to 1e-9. After it, after a gap and after a reset, the loop rejects '
     'a load as one that began with those settings.',
-    'An invalid parameter is refused with a reason that names it, and what `get_parameters` shows '
-    'is what runs. A parameter file or argument that is invalid, or is for a node that is not '
-    'here, ends the start with a message that says what to write, and exit code 1.',
+    'An invalid parameter is rejected with a reason that names it, and `get_parameters` always '
+    'shows the values in use. A parameter file or argument that is invalid, or is for a node that '
+    'is not here, ends the start with a message that says what to write, and exit code 1.',
     'After disabling, SIGINT, SIGTERM, SIGHUP or an exception the last published command is the '
     'safe one; a signal ends the process with 0 within a second.',
     'The plant does not trust the controller: it falls to its own safe command after '
