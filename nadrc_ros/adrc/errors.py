@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+_MOST_BESIDE_A_NEAR_ONE = 12
+
 
 class UserError(ValueError):
     """Something a user can mend; the message is one sentence and says what."""
@@ -52,9 +54,11 @@ def one_of(name: object, known: Iterable[str]) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the question for the known name near to ``name``, if there is one, and all names."""
+    """Return the question for the known name near to ``name``, and all names unless too many."""
     known = tuple(known)
     near = near_to(name, known)
+    if near and len(known) > _MOST_BESIDE_A_NEAR_ONE:
+        return f'did you mean {near}?'
     question = f'did you mean {near}? ' if near else ''
     return f'{question}there are {", ".join(known) or "none"}'
 

@@ -6,33 +6,49 @@ from collections.abc import Sequence
 import re
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.ros.arguments import IN_A_NAME, NAME, NodeParser
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.ros.arguments import IN_A_NAME, NAME
+from nadrc_ros.ros.command_line import About, NodeParser
 from rclpy.node import Node
 
 # What gives the namespace; of several rules the first one counts.
 _NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
 # What one timer, and one way to be triggered, leave no choice in.
 _SHARED = ('pacing', 'trigger', 'use_sim_time')
-_DESCRIPTION = 'ADRC of one axis, or of several in one process.'
-_EXAMPLES = """
-  ros2 run nadrc_ros controller --ros-args -p b0:=2.0
-  ros2 run nadrc_ros controller --axes x y z --ros-args -r __ns:=/robot --params-file axes.yaml
-
-Each axis is a node of its own, /x/controller, /y/controller, ..., with its own topics,
-parameters, services, diagnostics, fault policy and trace; one timer ticks all of them.
-In the file, a key like /robot/x/controller is for one axis, and /** for all of them.
-All axes have the same trigger, and with trigger: timer the same rate; with trigger:
-measurement, and in lockstep, each goes by its own samples. If one of them fails, all
-send their safe command, and the process ends.
-"""
+_MAIN = ('plant_order', 'b0', 'controller_bandwidth', 'inner_bandwidth', 'command_max')
+_ABOUT = About(
+    purpose='Active disturbance rejection control of one axis, or of several in one process.',
+    topics={
+        'measurement': 'in: the output of the plant, from a sensor',
+        'reference': 'in: what it is to be; without one the measurement at the start is held',
+        'reference/rate': 'in, with reference/acceleration: its derivatives, where known',
+        'command': 'out: what the actuator is to do',
+        '~/event': 'out: what happens to the loop; and the estimates, on ~/...',
+    },
+    parameters={name: declared(ControllerSettings)[name] for name in _MAIN},
+    examples=(
+        'ros2 run nadrc_ros controller --ros-args -p b0:=2.0 -p rate:=500.0',
+        'ros2 run nadrc_ros controller --axes x y --ros-args --params-file axes.yaml',
+    ),
+    options={'--axes NAME ...': 'one controller for each name, in a namespace of that name'},
+    more=(
+        'Services: ~/enable (std_srvs/SetBool) closes and opens the loop, ~/reset restarts the '
+        'observers.',
+        'Each axis is a node of its own, /x/controller, /y/controller, ..., with its own topics, '
+        'parameters, services, diagnostics, fault policy and trace; one timer ticks all of them. '
+        'In the file, a key like /robot/x/controller is for one axis, and /** for all of them. '
+        'All axes have the same trigger, and with trigger: timer the same rate; with trigger: '
+        'measurement, and in lockstep, each goes by its own samples. If one of them fails, all '
+        'send their safe command, and the process ends.',
+    ),
+)
 
 
 def axes_parser() -> NodeParser:
     """Return what parses the command line of controllers."""
-    parser = NodeParser('controller', _DESCRIPTION, _EXAMPLES)
-    parser.add_argument(
-        '--axes', nargs='+', metavar='NAME', default=[], help='one controller for each name'
-    )
+    parser = NodeParser('controller', _ABOUT)
+    parser.add_argument('--axes', nargs='+', metavar='NAME', default=[])
     return parser
 
 

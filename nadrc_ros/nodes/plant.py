@@ -20,9 +20,10 @@ from nadrc_ros.adrc.fields import (
     text,
 )
 from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
+from nadrc_ros.ros.command_line import About
 from nadrc_ros.ros.diagnostics import ERROR, OK, Report, WARN
 from nadrc_ros.ros.node import LiveNode
-from nadrc_ros.ros.pacing import SharedTimer, Ticker
+from nadrc_ros.ros.pacing import PacingSettings, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.signal_parameters import behind, DISTURBANCE, NOISE_SIGNAL, without
@@ -54,9 +55,6 @@ _INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_ju
 
 # Where the sensors of derivatives send.
 _DERIVATIVES = ('measurement/rate', 'measurement/acceleration')
-
-_DESCRIPTION = 'A simulated plant: command in, measurement out.'
-_EXAMPLE = '  ros2 run nadrc_ros plant --ros-args -p disturbance:=sine -p noise_variance:=1.0e-6'
 
 
 @attrs.frozen(kw_only=True)
@@ -360,9 +358,33 @@ def _make_noise(values: dict[str, Any]) -> Noise:
     return build(Noise, {'seed': values['seed'], **without(_NOISE, values)})
 
 
+def _about() -> About:
+    own = declared(PlantSettings)
+    return About(
+        purpose='A simulated plant: takes commands, sends what its sensor measures.',
+        topics={
+            'command': 'in: from the controller',
+            'measurement': 'out: the output with noise and faults',
+            '~/output': 'out: the true output',
+            '~/total_disturbance': 'out: the true total disturbance, for its own b0',
+        },
+        parameters={
+            'plant': own['plant'],
+            'rate': declared(PacingSettings)['rate'],
+            'disturbance': DISTURBANCE.fields()['disturbance'],
+            'noise_variance': noise_fields()['noise_variance'],
+            'command_timeout': own['command_timeout'],
+        },
+        examples=(
+            'ros2 run nadrc_ros plant --ros-args -p disturbance:=sine -p noise_variance:=1.0e-6',
+            'ros2 run nadrc_ros plant --ros-args -p plant:=motor -p rate:=1000.0',
+        ),
+    )
+
+
 def main() -> int:
     """Run the plant node."""
-    return run_command(PlantNode, _DESCRIPTION, _EXAMPLE)
+    return run_command(PlantNode, _about())
 
 
 if __name__ == '__main__':

@@ -40,6 +40,7 @@ from nadrc_ros.records.recording import (
     TRUTH,
 )
 from nadrc_ros.records.rows import Row
+from nadrc_ros.ros.command_line import About
 from nadrc_ros.ros.diagnostics import OK, receive_events, Report, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
@@ -60,9 +61,6 @@ _UNITS = 'units.'
 # Writes something down, with its time in the run [s].
 Note = Callable[[float | None], None]
 DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
-
-_DESCRIPTION = 'Writes the signals of a loop to a folder, and publishes its figures of merit.'
-_EXAMPLE = '  ros2 run nadrc_ros recorder --ros-args -p directory:=runs -p duration:=10.0'
 
 
 @attrs.frozen(kw_only=True)
@@ -381,9 +379,28 @@ def _versions() -> dict[str, str]:
     return {name: value for name, value in found.items() if value}
 
 
+def _about() -> About:
+    own = declared(RecorderSettings)
+    main_ones = ('directory', 'duration', 'inputs', 'settle_time', 'controller')
+    return About(
+        purpose='Writes the signals of a loop to a folder, and publishes its figures of merit.',
+        topics={
+            'reference, measurement, command': 'in: the loop',
+            'plant/..., controller/...': 'in: the truth and the estimates, where there are any',
+            '~/itae, ~/isu, ...': 'out: the figures of merit so far',
+        },
+        parameters={name: own[name] for name in main_ones},
+        examples=(
+            'ros2 run nadrc_ros recorder --ros-args -p directory:=runs -p duration:=10.0',
+            'ros2 run nadrc_ros recorder --ros-args -r __ns:=/arm -p settle_time:=2.0',
+        ),
+        more=('Services: ~/save writes the summary so far, ~/reset begins a new run.',),
+    )
+
+
 def main() -> int:
     """Run the recorder node."""
-    return run_command(RecorderNode, _DESCRIPTION, _EXAMPLE)
+    return run_command(RecorderNode, _about())
 
 
 if __name__ == '__main__':

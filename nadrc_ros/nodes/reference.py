@@ -8,9 +8,10 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.fields import choice, declared, flag, number
 from nadrc_ros.adrc.settings import FASTEST_RATE
+from nadrc_ros.ros.command_line import About
 from nadrc_ros.ros.diagnostics import OK, Report
 from nadrc_ros.ros.node import LiveNode
-from nadrc_ros.ros.pacing import SharedTimer, Ticker
+from nadrc_ros.ros.pacing import PacingSettings, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
 from nadrc_ros.ros.signal_parameters import FEED_FORWARD, REFERENCE
@@ -19,9 +20,6 @@ from nadrc_ros.simulation.loop import sample_reference
 from nadrc_ros.simulation.plant_run import signal_block
 from nadrc_ros.simulation.protocols import Signal
 from nadrc_ros.simulation.signals import Nothing
-
-_DESCRIPTION = 'A signal generator: reference out, with its derivatives.'
-_EXAMPLE = '  ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5'
 
 
 @attrs.frozen(kw_only=True)
@@ -113,9 +111,31 @@ def _make_signal(values: dict[str, Any]) -> Signal:
     return REFERENCE.make({name: value for name, value in values.items() if name not in own})
 
 
+def _about() -> About:
+    signal = REFERENCE.fields()
+    return About(
+        purpose='A signal generator: sends a reference and its derivatives.',
+        topics={
+            'reference': 'out',
+            'reference/rate': 'out: its first derivative',
+            'reference/acceleration': 'out: its second derivative',
+            'command': 'in: time begins with the first one',
+        },
+        parameters={
+            **{name: signal[name] for name in ('signal', 'amplitude', 'frequency')},
+            'start': declared(ReferenceSettings)['start'],
+            'rate': declared(PacingSettings)['rate'],
+        },
+        examples=(
+            'ros2 run nadrc_ros reference --ros-args -p signal:=cosine -p frequency:=0.5',
+            'ros2 run nadrc_ros reference --ros-args -p signal:=step -p start:=at_once',
+        ),
+    )
+
+
 def main() -> int:
     """Run the reference node."""
-    return run_command(ReferenceNode, _DESCRIPTION, _EXAMPLE)
+    return run_command(ReferenceNode, _about())
 
 
 if __name__ == '__main__':

@@ -11,7 +11,7 @@ from shutil import rmtree
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.errors import one_of, SettingError, UserError
 from nadrc_ros.adrc.fields import build, choice, declared, number
 from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
 from nadrc_ros.atomic import content_of, write_json
@@ -114,8 +114,7 @@ def topic_of(name: str, plant: str = 'plant', controller: str = 'controller') ->
     level = name.removeprefix('level_')
     if name != level and level.isdigit():
         return f'{controller}/level_{level}/disturbance'
-    known = ' '.join((*NEEDED, *TRUTH, *ESTIMATES, 'level_1 level_2 ...'))
-    raise SettingError('inputs', name, f'some of {known}')
+    raise SettingError('inputs', name, one_of(name, (*NEEDED, *TRUTH, *ESTIMATES, 'level_1')))
 
 
 class RunFolder:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 import re
-from typing import Any, NoReturn
+from typing import Any
 
 from nadrc_ros.adrc.errors import near_to, SettingError, UserError
 from nadrc_ros.parameter_file import flat, means, parameters_in, VALUES
@@ -34,49 +33,6 @@ _WILDCARDS = {'*', '**'}
 # What one argument says of one node: `node:parameter:=value`, `node:topic:=topic`.
 _RULE_FLAGS = {'-p', '--param', *_REMAP}
 _FOR_A_NODE = re.compile(r'([\w/]+):[^/=:][^=:]*:=')
-
-_ABOUT_PARAMETERS = """
-All parameters, with ranges and units: docs/parameters.md, or `ros2 param describe` while it runs.
-
-examples:
-"""
-
-
-class NodeParser(ArgumentParser):
-    """
-    Parses what is on the command line of a node beside the arguments of ROS.
-
-    ``examples`` are command lines, one a line.
-    """
-
-    def __init__(self, executable: str, description: str, examples: str) -> None:
-        super().__init__(
-            prog=executable,
-            description=description,
-            epilog=_ABOUT_PARAMETERS + examples.strip('\n'),
-            formatter_class=RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-        )
-
-    def parse(self, command: Sequence[str]) -> Namespace:
-        """Parse; exit after showing the help, or with 2 for what is for nobody."""
-        from rclpy.utilities import remove_ros_args
-
-        for before, rule in pairwise(command):
-            if ':=' in rule and (not before.startswith('-') or before in {'--', '--ros-args'}):
-                self.error(f'{rule} has no -p or -r before it')
-        try:
-            rest = remove_ros_args(list(command))[1:]
-        except RuntimeError:  # ROS will not start with these, and says why
-            rest = []
-        return self.parse_args(rest)
-
-    def error(self, message: str) -> NoReturn:
-        """End with exit code 2."""
-        super().error(
-            f'{message}\nROS takes what comes after --ros-args: `-p name:=value` is a parameter, '
-            '`-r topic:=other` a remapping'
-        )
 
 
 def own_rules(namespace: str, node_name: str, remappings: Mapping[str, str]) -> list[str] | None:

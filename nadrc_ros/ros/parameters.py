@@ -97,6 +97,8 @@ def set_atomically(
         allowed = ''
         if not node.has_parameter(p.name):
             allowed = _known(node, p.name)
+        elif written := _with_a_point(p, Parameter.Type(node.describe_parameter(p.name).type)):
+            allowed = f'a number{written}'
         elif p.name == 'use_sim_time' and p.value != node.get_parameter(p.name).value:
             allowed = f'{node.get_parameter(p.name).value}: it is fixed at start'
         if allowed:
@@ -213,6 +215,15 @@ def _written(given: Parameter, kind: int) -> str:
             return f', written with decimal points: {[float(item) for item in value]}'
         if given.type_ in (Parameter.Type.INTEGER, Parameter.Type.DOUBLE):
             return f', in brackets: {[float(value)]}'
+    return ''
+
+
+def _with_a_point(given: Parameter, wanted: Parameter.Type) -> str:
+    """Return how integers are written where ROS takes no integers for numbers, else nothing."""
+    if (given.type_, wanted) == (Parameter.Type.INTEGER, Parameter.Type.DOUBLE):
+        return f' with a decimal point: write {float(given.value)!r}'
+    if (given.type_, wanted) == (Parameter.Type.INTEGER_ARRAY, Parameter.Type.DOUBLE_ARRAY):
+        return f' with decimal points: write {list(map(float, given.value))}'
     return ''
 
 

@@ -17,9 +17,11 @@ import traceback
 from typing import IO
 
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.ros.arguments import NodeParser, refuse_malformed, rules_of, tell_unused
+from nadrc_ros.ros.arguments import refuse_malformed, rules_of, tell_unused
+from nadrc_ros.ros.command_line import About, NodeParser
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
+from nadrc_ros.terminal import columns, wrapped
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException
@@ -186,9 +188,9 @@ def _no_log_file() -> str:
     return '' if os.access(folder, os.W_OK | os.X_OK) else f'{folder}: not writable: {remedy}'
 
 
-def run_command(kind: type[LiveNode], description: str, examples: str) -> int:
+def run_command(kind: type[LiveNode], about: About) -> int:
     """Run one node of a kind as its executable does, and return the exit code."""
-    NodeParser(kind.default_name, description, examples).parse(sys.argv)
+    NodeParser(kind.default_name, about).parse(sys.argv)
     return run(lambda: kind(arguments=sys.argv))
 
 
@@ -217,7 +219,8 @@ def run(make: Callable[[], LiveNode | Sequence[LiveNode]]) -> int:
         nodes += [made] if isinstance(made, LiveNode) else made
         tell_unused(nodes, rules_of(sys.argv))
     except BAD_START as error:
-        print(f'cannot start: {error}', file=sys.stderr)
+        text = f'error: cannot start: {error}'
+        print(wrapped(text, columns(sys.stderr)), file=sys.stderr)
         rclpy.try_shutdown()
         return 0 if signals else 1
     executor = make_executor()
