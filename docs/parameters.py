@@ -9,11 +9,7 @@ from typing import Any
 from nadrc_ros.adrc import ControllerSettings
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.plant import (
-    fault_fields,
-    noise_fields,
-    PlantSettings,
-)
+from nadrc_ros.nodes.plant_settings import fault_fields, noise_fields, PlantSettings
 from nadrc_ros.nodes.recorder import RecorderSettings, unit_fields
 from nadrc_ros.nodes.reference import ReferenceSettings
 from nadrc_ros.ros.pacing import PacingSettings

@@ -95,6 +95,6 @@ def _refuse_odd_lists(values: Mapping[Any, Any], above: str = '') -> None:
             continue
         kinds = {type(item) for item in value}
         if kinds == {int, float}:
-            raise UserError(f'{name} = {value}: write all numbers with a decimal point')
+            raise UserError(f'{name} = {value}: write {[float(item) for item in value]}')
         if len(kinds) > 1 or kinds & {list, dict, type(None)}:
             raise UserError(f'{name} = {value}: a list must have numbers, strings or flags only')

@@ -14,7 +14,7 @@ from typing import Any
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.plant import fault_fields, noise_fields
+from nadrc_ros.nodes.plant_settings import fault_fields, noise_fields
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.wiring_parameters import build_wiring, SIGNALS, wiring_fields

@@ -127,7 +127,7 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
         (
             'disturbance:',
             'fault:',
-            r'fault: there is no such key; did you mean faults\? there are plant, ref',
+            r'fault: there is no such key; did you mean faults\?$',
         ),
         ('disturbance:', 'faults:', r"faults = 'decaying_cosine': must be a mapping"),
         (

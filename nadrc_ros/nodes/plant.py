@@ -8,101 +8,38 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import (
-    build,
-    choice,
-    Declared,
-    declared,
-    flag,
-    integer,
-    number,
-    numbers,
-    text,
+from nadrc_ros.adrc.fields import build, declared
+from nadrc_ros.nodes.plant_settings import (
+    COMMAND_FAULT,
+    DERIVATIVES,
+    fault_fields,
+    INJECTABLE,
+    MEASUREMENT_FAULT,
+    NOISE,
+    noise_fields,
+    PlantSettings,
 )
-from nadrc_ros.adrc.settings import HIGHEST, LONGEST, LOWEST
 from nadrc_ros.ros.command_line import About
 from nadrc_ros.ros.diagnostics import ERROR, OK, Report, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import PacingSettings, SharedTimer, Ticker
 from nadrc_ros.ros.parameters import ParameterGroup
 from nadrc_ros.ros.runtime import run_command
-from nadrc_ros.ros.signal_parameters import behind, DISTURBANCE, NOISE_SIGNAL, without
+from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, without
 from nadrc_ros.ros.topics import APPLIED_TOPIC, Info
 from nadrc_ros.scenario.specs import PLANT, PlantSpec
 from nadrc_ros.scenario.user_code import class_fields
-from nadrc_ros.simulation.faults import (
-    CommandFault,
-    Faults,
-    MEASUREMENT_KINDS,
-    MeasurementFault,
-    ONE_EACH,
-)
+from nadrc_ros.simulation.faults import CommandFault, Faults, MeasurementFault, ONE_EACH
 from nadrc_ros.simulation.integrate import substeps_for
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plant_run import PlantRun
 from nadrc_ros.simulation.protocols import Plant, Signal
 from nadrc_ros.simulation.sensor import refuse_one_end, Sensor
 
-_NOISE = 'noise_'
-_MEASUREMENT_FAULT = 'fault.measurement.'
-_COMMAND_FAULT = 'fault.command.'
 # After a longer stall of the process [s] only so much time has passed for the plant.
 LONGEST_STALL = 1.0
 # The same is not logged again within so long [s]: a controller may always be too slow.
 _LOGGED = 5.0
-# The stamps of samples are the middleware's.
-_INJECTABLE = ('none', *(kind for kind in MEASUREMENT_KINDS if kind != 'clock_jump'))
-
-# Where the sensors of derivatives send.
-_DERIVATIVES = ('measurement/rate', 'measurement/acceleration')
-
-
-@attrs.frozen(kw_only=True)
-class PlantSettings:
-    """Which plant runs, from where, and what it does without commands."""
-
-    plant: str = text(
-        'paper', 'registered plant (paper, chain, motor, ...) or path of a Python file', live=False
-    )
-    plant_class: str = text('', 'class in that file, where it has several', live=False)
-    initial_state: tuple[float, ...] = numbers(
-        (0.0,),
-        LOWEST,
-        HIGHEST,
-        '',
-        'x(0): one entry for all states, or one for each',
-        live=False,
-    )
-    start: str = choice(
-        'on_command',
-        ('on_command', 'at_once'),
-        'whether x(0) is held until the first command',
-        live=False,
-    )
-    input_delay: float = number(
-        0.0, 0.0, LONGEST, 's', 'dead time: from a command until it acts', live=False
-    )
-    measured_derivatives: int = integer(
-        0,
-        0,
-        len(_DERIVATIVES),
-        'derivatives of the output that have a sensor too: 1 = measurement/rate, 2 = also '
-        'measurement/acceleration; below the order of the plant',
-        live=False,
-    )
-    command_timeout: float = number(
-        0.25,
-        0.0,
-        LONGEST,
-        's',
-        'silence of commands that makes the plant use safe_command; 0 = off',
-    )
-    safe_command: float = number(
-        0.0, LOWEST, HIGHEST, 'command unit', 'command the plant uses while none comes'
-    )
-    report_applied: bool = flag(
-        False, 'whether what the actuator makes of commands is sent on applied', live=False
-    )
 
 
 class PlantNode(LiveNode):
@@ -182,11 +119,30 @@ class PlantNode(LiveNode):
         self._acting = nan  # until something does
         self._applied = self.add_output(APPLIED_TOPIC) if settings.report_applied else None
         self._measurement = self.add_output('measurement')
-        self._derivatives = [self.add_output(topic) for topic in _DERIVATIVES[:sensors]]
+        self._derivatives = [self.add_output(topic) for topic in DERIVATIVES[:sensors]]
         self._output = self.add_output('~/output')
         self._truth = self.add_output('~/total_disturbance')
         if self.lockstep is None:
             self.ticker = Ticker(SharedTimer(self, self.pacing.rate), self.guarded(self.on_timer))
+
+    def begin(self) -> None:
+        """Say what runs."""
+        settings, held = self._group.value, not (self._started or self.lockstep)
+        noise = self.get_parameter('noise_variance').value
+        parts = [
+            f'{settings.plant} at {self.pacing.rate:g} Hz',
+            f'noise variance {noise:g}' if noise else 'no noise',
+            f'disturbance {self.get_parameter("disturbance").value}',
+        ]
+        waiting = f'; held until {self.resolve_topic_name("command")} comes' if held else ''
+        self.get_logger().info(', '.join(parts) + waiting)
+
+    def close(self) -> None:
+        """Say what ran."""
+        super().close()
+        if not self.failure:
+            end = self.process.k / self.pacing.rate
+            self.get_logger().info(f'{end:.6g} s have passed, {self._timeouts} command timeouts')
 
     # ---- parameters ----
 
@@ -212,13 +168,13 @@ class PlantNode(LiveNode):
 
     def _make_faults(self, values: dict[str, Any]) -> Faults:
         measurement = build(
-            MeasurementFault, without(_MEASUREMENT_FAULT, values), _MEASUREMENT_FAULT[:-1]
+            MeasurementFault, without(MEASUREMENT_FAULT, values), MEASUREMENT_FAULT[:-1]
         )
-        command = build(CommandFault, without(_COMMAND_FAULT, values), _COMMAND_FAULT[:-1])
-        kinds = ONE_EACH if self.pacing.lockstep else _INJECTABLE
+        command = build(CommandFault, without(COMMAND_FAULT, values), COMMAND_FAULT[:-1])
+        kinds = ONE_EACH if self.pacing.lockstep else INJECTABLE
         if measurement.kind not in kinds:
             raise SettingError(
-                _MEASUREMENT_FAULT + 'kind', measurement.kind, 'one of ' + ', '.join(kinds)
+                MEASUREMENT_FAULT + 'kind', measurement.kind, 'one of ' + ', '.join(kinds)
             )
         return Faults(measurement=(measurement,), command=(command,))
 
@@ -340,22 +296,8 @@ class PlantNode(LiveNode):
         return OK, 'running' if running else 'waiting for a command', values
 
 
-def noise_fields() -> dict[str, Declared]:
-    """Return the parameters of the noise: its fields with a prefix, but for the seed."""
-    fields = behind(_NOISE, declared(Noise))
-    return {'seed' if name == _NOISE + 'seed' else name: f for name, f in fields.items()}
-
-
-def fault_fields() -> dict[str, Declared]:
-    """Return the parameters of the faults."""
-    fields = behind(_MEASUREMENT_FAULT, declared(MeasurementFault))
-    kind = _MEASUREMENT_FAULT + 'kind'
-    fields[kind] = attrs.evolve(fields[kind], choices=_INJECTABLE)
-    return fields | behind(_COMMAND_FAULT, declared(CommandFault))
-
-
 def _make_noise(values: dict[str, Any]) -> Noise:
-    return build(Noise, {'seed': values['seed'], **without(_NOISE, values)})
+    return build(Noise, {'seed': values['seed'], **without(NOISE, values)})
 
 
 def _about() -> About:

@@ -185,7 +185,7 @@ class RecorderNode(LiveNode):
             return
         if length is None:
             length = self.figures.stop or self.figures.last
-        self.get_logger().info(f'{length:.4g} s are recorded')
+        self.get_logger().info(f'{length:.4g} s are recorded in {self.folder.path}')
 
     def _about(self) -> dict[str, Any]:
         started = datetime.fromtimestamp(self._begin, timezone.utc)

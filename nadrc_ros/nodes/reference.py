@@ -72,6 +72,19 @@ class ReferenceNode(LiveNode):
             self.add_input('command', lambda value, info: self._start())
             self.ticker = Ticker(SharedTimer(self, self.pacing.rate), self.guarded(self.on_timer))
 
+    def begin(self) -> None:
+        """Say what is sent."""
+        held = not (self._started or self.lockstep)
+        waiting = f'; r(0) until {self.resolve_topic_name("command")} comes' if held else ''
+        signal = self.get_parameter('signal').value
+        self.get_logger().info(f'{signal} at {self.pacing.rate:g} Hz{waiting}')
+
+    def close(self) -> None:
+        """Say how much was sent."""
+        super().close()
+        if not self.failure:
+            self.get_logger().info(f'{self.k / self.pacing.rate:.6g} s of the signal were sent')
+
     def _start(self) -> None:
         self._started = True
 

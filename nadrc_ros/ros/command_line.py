@@ -5,9 +5,10 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+import os
 from shlex import split
 import sys
-from typing import IO, NoReturn
+from typing import Any, NoReturn
 
 import attrs
 from nadrc_ros.adrc.fields import Declared
@@ -62,16 +63,17 @@ class NodeParser(ArgumentParser):
         """Parse; exit after showing the help, or with 2 for what is for nobody."""
         from rclpy.utilities import remove_ros_args
 
+        for_ros = False
         for before, rule in pairwise(command):
-            if ':=' in rule and (not before.startswith('-') or before in {'--', '--ros-args'}):
-                self._refuse_rule(rule, command)
+            for_ros = (for_ros or before == '--ros-args') and before != '--'
+            flagged = before.startswith('-') and before != '--ros-args'
+            if ':=' in rule and not (for_ros and flagged):
+                self._refuse_rule(before, rule)
         try:
             rest = remove_ros_args(list(command))[1:]
         except RuntimeError:  # ROS will not start with these, and says why
             rest = []
         given, unknown = self.parse_known_args(rest)
-        if rules := [each for each in unknown if each in _RULE_FLAGS or ':=' in each]:
-            self._refuse_rule(rules[-1], command)
         if unknown:
             self.error(f'no such option: {" ".join(unknown)}; {self.prog} --help says more')
         return given
@@ -93,16 +95,15 @@ class NodeParser(ArgumentParser):
         ]
         return '\n\n'.join(filter(None, parts)) + '\n'
 
-    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
-        """Write without a word where nobody reads on."""
+    def print_help(self, file: Any = None) -> None:
+        """Write the help, and not a word more where nobody reads on."""
         try:
-            print(message, end='', file=file, flush=True)
+            print(self.format_help(), end='', flush=True)
         except BrokenPipeError:
-            sys.stdout = None  # type: ignore[assignment]  # or Python says so at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
-    def _refuse_rule(self, rule: str, command: Sequence[str]) -> NoReturn:
+    def _refuse_rule(self, before: str, rule: str) -> NoReturn:
         """Show how a parameter or a remapping is to be written."""
-        before = command[command.index(rule) - 1]
         flag = before if before in _RULE_FLAGS else '-p'
         self.error(
             'ROS parameters and remappings come after --ros-args, each behind its -p or -r: '

@@ -97,8 +97,6 @@ def set_atomically(
         allowed = ''
         if not node.has_parameter(p.name):
             allowed = _known(node, p.name)
-        elif written := _with_a_point(p, Parameter.Type(node.describe_parameter(p.name).type)):
-            allowed = f'a number{written}'
         elif p.name == 'use_sim_time' and p.value != node.get_parameter(p.name).value:
             allowed = f'{node.get_parameter(p.name).value}: it is fixed at start'
         if allowed:
@@ -209,21 +207,12 @@ def _written(given: Parameter, kind: int) -> str:
     """Return how to write numbers of the wrong type, as 2 for 2.0, for a parameter of a kind."""
     value = given.value
     if kind == Parameter.Type.DOUBLE.value and given.type_ == Parameter.Type.INTEGER:
-        return f', written with a decimal point: {float(value)!r}'
+        return f': write {float(value)!r}'
     if kind == Parameter.Type.DOUBLE_ARRAY.value:
         if given.type_ == Parameter.Type.INTEGER_ARRAY:
-            return f', written with decimal points: {[float(item) for item in value]}'
+            return f': write {[float(item) for item in value]}'
         if given.type_ in (Parameter.Type.INTEGER, Parameter.Type.DOUBLE):
-            return f', in brackets: {[float(value)]}'
-    return ''
-
-
-def _with_a_point(given: Parameter, wanted: Parameter.Type) -> str:
-    """Return how integers are written where ROS takes no integers for numbers, else nothing."""
-    if (given.type_, wanted) == (Parameter.Type.INTEGER, Parameter.Type.DOUBLE):
-        return f' with a decimal point: write {float(given.value)!r}'
-    if (given.type_, wanted) == (Parameter.Type.INTEGER_ARRAY, Parameter.Type.DOUBLE_ARRAY):
-        return f' with decimal points: write {list(map(float, given.value))}'
+            return f': write {[float(value)]}'
     return ''
 
 

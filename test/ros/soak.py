@@ -13,7 +13,7 @@ from typing import Any
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.nodes.plant import fault_fields
+from nadrc_ros.nodes.plant_settings import fault_fields
 from probe import NodeProcess, parameter_messages, Probe, Processes
 from rcl_interfaces.srv import SetParameters
 from resources import Held, held

@@ -29,7 +29,7 @@ CONTROL: dict[str, Any] = {'rate': 50.0, 'plant_order': 1, 'controller_bandwidth
 PLANT: dict[str, Any] = {'rate': 50.0, 'plant': 'chain', 'order': 1, 'damping': 0.0}
 BAD: list[tuple[type[LiveNode], dict[str, Any], str]] = [
     *((node, {'rat': 50.0}, 'rat = 50.0: .*: did you mean rate\\?') for node in NODES),
-    *((node, {'rate': 50}, 'rate = 50: must be .* with a decimal point: 50.0') for node in NODES),
+    *((node, {'rate': 50}, 'rate = 50: must be .*: write 50.0') for node in NODES),
     *((node, {'rate': -1.0}, 'rate = -1.0: must be a finite number from') for node in NODES),
     *((node, {'pacing': 'lockstep'}, 'steps = 0') for node in NODES),
     (

@@ -142,7 +142,7 @@ def test_p13_an_argument_for_a_node_that_is_not_here_is_refused(
         ('a:\n ros__parameters:\n', 'ros__parameters of /a must be a mapping'),
         ('a: {ros__parameters: [1, 2]}', 'ros__parameters of /a must be a mapping'),
         ('- a', 'the file has a value that is not below'),
-        ('a: {ros__parameters: {p: [1.0, 2]}}', 'p = [1.0, 2]: write all numbers with a decimal'),
+        ('a: {ros__parameters: {p: [1.0, 2]}}', 'p = [1.0, 2]: write [1.0, 2.0]'),
         (
             'a: {ros__parameters: {b: {p: [1.0, x]}}}',
             "b.p = [1.0, 'x']: a list must have numbers,",

@@ -104,9 +104,9 @@ def test_p13_a_bad_value_is_refused_by_name_and_what_runs_stays_what_is_shown(
         assert name in reason, (name, value, reason)
         assert probe.all_parameters('controller') == before
     for name, value, written in (
-        ('inner_bandwidth', 60, 'written with a decimal point: 60.0'),
-        ('pole_ratios', [1, 2], 'written with decimal points: [1.0, 2.0]'),
-        ('plant_poles', -20.0, 'in brackets: [-20.0]'),
+        ('inner_bandwidth', 60, ': write 60.0'),
+        ('pole_ratios', [1, 2], ': write [1.0, 2.0]'),
+        ('plant_poles', -20.0, ': write [-20.0]'),
     ):
         assert probe.set('controller', **{name: value})[0].endswith(written)
     ticks = sum(controller.counts.values())
@@ -240,9 +240,9 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         ('recorder', {'directry': 'x'}, ('directry', 'did you mean directory?')),
         ('controller', {'inner_bandwidth': -5.0}, ('inner_bandwidth',)),
         ('controller', {'inner_bandwidth': nan}, ('inner_bandwidth',)),
-        ('controller', {'inner_bandwidth': 40}, ('inner_bandwidth', 'decimal point: 40.0')),
-        ('controller', {'b0_table': [1, 2]}, ('b0_table', 'decimal points: [1.0, 2.0]')),
-        ('controller', {'plant_poles': -20}, ('plant_poles', 'in brackets: [-20.0]')),
+        ('controller', {'inner_bandwidth': 40}, ('inner_bandwidth', ': write 40.0')),
+        ('controller', {'b0_table': [1, 2]}, ('b0_table', ': write [1.0, 2.0]')),
+        ('controller', {'plant_poles': -20}, ('plant_poles', ': write [-20.0]')),
         ('controller', {'inner_bandwidth': 'fast'}, ('inner_bandwidth',)),
         ('controller', {'command_min': 5.0, 'command_max': 5.0}, ('command_min',)),
         ('controller', {'trace': '/nowhere/trace'}, ('/nowhere/trace',)),
@@ -261,7 +261,7 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         (
             'controller',
             {'qos_overrides./measurment.subscription.reliability': 'reliable'},
-            ('qos_overrides./measurment.', '/measurement.subscription.reliability? there are'),
+            ('qos_overrides./measurment.', '/measurement.subscription.reliability?'),
         ),
         (
             'controller',
@@ -271,7 +271,7 @@ def test_plant_and_reference_change_live(nodes: tuple[Probe, dict[str, Any]]) ->
         (
             'recorder',
             {'qos_overrides./command.publisher.depth': 3},
-            ('qos_overrides./command.publisher.depth', 'command.subscription.depth? there are'),
+            ('qos_overrides./command.publisher.depth', 'command.subscription.depth?'),
         ),
         (
             'plant',

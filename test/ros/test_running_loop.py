@@ -237,7 +237,7 @@ def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
         pass  # the process has its domain from now on
     before = threads(), dict(os.environ), rclpy.ok()
     for values, said in (
-        ({'controller': {'b0': 2}}, 'b0 = 2: .* with a decimal point: 2.0'),
+        ({'controller': {'b0': 2}}, 'b0 = 2: .*: write 2.0'),
         (
             {'controller': {'inner_bandwith': 2.0}},
             'inner_bandwith = 2.0: .*: did you mean inner_bandwidth\\?',
