@@ -10,7 +10,7 @@ from nadrc_ros.adrc import ControllerSettings
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.nodes.plant_settings import fault_fields, noise_fields, PlantSettings
-from nadrc_ros.nodes.recorder import RecorderSettings, unit_fields
+from nadrc_ros.nodes.recorder_settings import RecorderSettings, unit_fields
 from nadrc_ros.nodes.reference import ReferenceSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, NOISE_SIGNAL, REFERENCE

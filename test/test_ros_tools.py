@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from nadrc_ros.demo.loop_processes import NODES
-from nadrc_ros.nodes.recorder import RecorderSettings
+from nadrc_ros.nodes.recorder_settings import RecorderSettings
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]

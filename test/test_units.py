@@ -8,7 +8,7 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.demo.loop_parameters import node_parameters
-from nadrc_ros.nodes.recorder import unit_fields
+from nadrc_ros.nodes.recorder_settings import unit_fields
 from nadrc_ros.records.history import ABOUT
 from nadrc_ros.records.read_run import read_runs
 from nadrc_ros.report.page import page

@@ -12,7 +12,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.nodes.plant_settings import PlantSettings
-from nadrc_ros.nodes.recorder import DEFAULT_INPUTS
+from nadrc_ros.nodes.recorder_settings import DEFAULT_INPUTS
 from nadrc_ros.records.recording import topic_of
 from nadrc_ros.ros.signal_parameters import DISTURBANCE, FEED_FORWARD, NOISE_SIGNAL, REFERENCE
 from nadrc_ros.ros.topics import APPLIED_TOPIC, FEED_FORWARD_TOPIC, reference_topics

@@ -14,10 +14,10 @@ import time
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError, UserError
-from nadrc_ros.adrc.fields import build, Declared, declared, number, text
-from nadrc_ros.adrc.settings import LONGEST
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import declared
 from nadrc_ros.nodes.recorder_intake import Intake
+from nadrc_ros.nodes.recorder_settings import make_units, RecorderSettings, unit_fields
 from nadrc_ros.records.figures import Figures, summary
 from nadrc_ros.records.history import (
     about_figures,
@@ -29,15 +29,12 @@ from nadrc_ros.records.history import (
     write_about,
 )
 from nadrc_ros.records.recording import (
-    ESTIMATES,
     FigureSettings,
     NEEDED,
     RunFolder,
     RunSettings,
     STAMPED,
     STAMPS,
-    topic_of,
-    TRUTH,
 )
 from nadrc_ros.records.rows import Row
 from nadrc_ros.ros.command_line import About
@@ -47,9 +44,7 @@ from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.parameter_watch import ParameterWatch
 from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import run_command
-from nadrc_ros.ros.signal_parameters import behind, without
 from nadrc_ros.ros.topics import Info, Sender
-from nadrc_ros.scenario.units import Units
 from nadrc_ros.simulation.metrics import MetricValues
 import rclpy
 
@@ -57,46 +52,8 @@ import rclpy
 _FLUSH = 0.2
 _METRICS = tuple(field.name for field in attrs.fields(MetricValues))
 _SECOND = 1_000_000_000  # ns
-_UNITS = 'units.'
 # Writes something down, with its time in the run [s].
 Note = Callable[[float | None], None]
-DEFAULT_INPUTS = (*NEEDED, *TRUTH, *ESTIMATES, 'level_1', 'level_2')
-
-
-@attrs.frozen(kw_only=True)
-class RecorderSettings(FigureSettings):
-    """What is recorded, and where to."""
-
-    inputs: str = text(
-        ' '.join(DEFAULT_INPUTS), 'signals to record, separated by spaces', live=False
-    )
-    plant: str = text('plant', 'name of the plant node, for its ~/output', live=False)
-    controller: str = text('controller', 'name of the controller node', live=False)
-    directory: str = text('runs', 'where a new folder is made for each run', live=False)
-    duration: float = number(
-        0.0,
-        0.0,
-        LONGEST,
-        's',
-        'length of a run, from the first command; 0 = until stopped',
-        live=False,
-    )
-
-    def topics(self) -> dict[str, str]:
-        """
-        Return the topic of each input, in the order of the columns.
-
-        Raises
-        ------
-        SettingError
-            For an input that does not exist, or one of the three needed ones left out.
-
-        """
-        names = self.inputs.split()
-        for name in NEEDED:
-            if name not in names:
-                raise SettingError('inputs', self.inputs, f'a list that has {name}')
-        return {name: topic_of(name, self.plant, self.controller) for name in names}
 
 
 class RecorderNode(LiveNode):
@@ -114,7 +71,7 @@ class RecorderNode(LiveNode):
     def set_up(self) -> None:
         """Declare the parameters and join the graph."""
         self.settings = self.declare(RecorderSettings)
-        self._units = ParameterGroup(self, unit_fields(), _make_units).value
+        self._units = ParameterGroup(self, unit_fields(), make_units).value
         figures = {name: getattr(self.settings, name) for name in declared(FigureSettings)}
         figures['settle_time'] = self.settings.settle_time or 0.1 * self.settings.duration
         rate = self.pacing.rate if self.pacing.lockstep else 0.0
@@ -353,15 +310,6 @@ class RecorderNode(LiveNode):
     def close(self) -> None:
         """Write the summary."""
         self._end_run()
-
-
-def unit_fields() -> dict[str, Declared]:
-    """Return the parameters of the units."""
-    return behind(_UNITS, declared(Units))
-
-
-def _make_units(values: dict[str, Any]) -> Units:
-    return build(Units, without(_UNITS, values), _UNITS[:-1])
 
 
 def _versions() -> dict[str, str]:
