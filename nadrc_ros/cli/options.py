@@ -49,6 +49,7 @@ JsonFile = Annotated[Optional[Path], typer.Option(help='Write all figures to thi
 PlotFile = Annotated[
     Optional[Path], typer.Option(help='Draw a picture to this file (png, svg, pdf).')
 ]
+PageFile = Annotated[Optional[Path], typer.Option(help='Write an interactive page to this file.')]
 
 
 def takes(**makers: Callable[..., Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:

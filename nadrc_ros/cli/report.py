@@ -7,6 +7,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting
 from nadrc_ros.cli.messages import say
+from nadrc_ros.cli.pages import write_page
 import typer
 
 if TYPE_CHECKING:
@@ -51,18 +52,7 @@ def report(
             _draw(plot, found)
             if page is None:
                 return
-        try:
-            from nadrc_ros.report.page import page as page_of
-        except ImportError as error:
-            from nadrc_ros.extras import MissingPackage
-
-            without = '--plot needs nothing'
-            raise MissingPackage('the page', error.name or 'bokeh', 'report', without) from None
-        from nadrc_ros.atomic import write_whole
-
-        path = page or _beside(runs)
-        write_whole(path, page_of(found).encode())
-        say(f'report {path}')
+        write_page(page or _beside(runs), found)
 
 
 def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:

@@ -15,6 +15,7 @@ def simulate(
     file: options.ScenarioFile,
     json: options.JsonFile = None,
     plot: options.PlotFile = None,
+    page: options.PageFile = None,
     duration: options.Duration = None,
     seed: options.Seed = None,
     noise_variance: options.NoiseVariance = None,
@@ -25,7 +26,7 @@ def simulate(
 
     Example: nadrc simulate demo --plot demo.png, or nadrc simulate mine.yaml --seed 7
     """
-    options.check_outputs(json=json, plot=plot)
+    options.check_outputs(json=json, plot=plot, page=page)
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
         import numpy as np
@@ -45,6 +46,8 @@ def simulate(
             _write_json(json, scenario, results)
         if plot is not None:
             _write_plot(plot, path.stem, scenario, results)
+        if page is not None:
+            _write_page(page, path, scenario, results)
         _print_table(path.stem, scenario, results)
 
 
@@ -67,6 +70,16 @@ def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str,
 
     figure = draw(results, title_of(name, scenario), retune_marks(scenario))
     write_whole(path, render(figure, path.suffix.lstrip('.')))
+
+
+def _write_page(
+    page: Path, path: Path, scenario: 'Scenario', results: 'dict[str, Result]'
+) -> None:
+    from nadrc_ros.cli.pages import write_page
+    from nadrc_ros.records.simulated import recorded
+
+    runs = {name: recorded(path, scenario, name, result) for name, result in results.items()}
+    write_page(page, runs)
 
 
 def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:

@@ -53,6 +53,8 @@ class RecordedRun:
         What a recorder of this package was asked its figures of merit to be, None for other logs.
     history
         What was recorded besides the samples.
+    true_for_controller
+        Whether ``total_disturbance`` among the columns is for the b0 of the controller.
     part
         Whether it is a part of what was recorded: figures and events are those of its time.
 
@@ -66,6 +68,7 @@ class RecordedRun:
     told: str = ''
     figures: RunSettings | None = None
     history: History = attrs.field(factory=History)
+    true_for_controller: bool = False
     part: bool = False
 
     def column(self, name: str) -> Array:
@@ -179,7 +182,7 @@ class RecordedRun:
     @property
     def referred(self) -> bool:
         """Tell whether :attr:`total_disturbance` is that for the b0 of the controller."""
-        return all(self.gains)
+        return self.true_for_controller or all(self.gains)
 
     @cached_property
     def total_disturbance(self) -> Array:
@@ -190,7 +193,7 @@ class RecordedRun:
         of :func:`scheduled`.
         """
         truth = self.column('total_disturbance')
-        if not self.referred:
+        if self.true_for_controller or not self.referred:
             return truth
         settings = self.history.controller_settings()
         truth = referred(self.time, self._acted, truth, *self.gains)

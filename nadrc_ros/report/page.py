@@ -20,7 +20,7 @@ from nadrc_ros.report import roles, tables
 from nadrc_ros.report.marks import numbered
 from nadrc_ros.report.plots import Plot, Plotter
 from nadrc_ros.report.summary import summary_of, title_of
-from nadrc_ros.report.traces import MOST_OF_ALL, MOST_ROWS, Trace, trace_of
+from nadrc_ros.report.traces import Gap, MOST_OF_ALL, MOST_ROWS, Trace, trace_of
 import numpy as np
 
 # So many gaps are told with their causes.
@@ -85,7 +85,7 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         *([miss] if miss else []),
     ]
     plots += [*([spectrum] if spectrum else []), *(each.plot for each in timing)]
-    gaps = [(name, gap) for name, trace in traces.items() for gap in trace.gaps]
+    gaps = _gaps(traces)
     columns = {name for trace in traces.values() for name in trace.columns}
     return _environment().get_template('report.html').render(
         title=title_of(runs),
@@ -133,6 +133,15 @@ def _environment() -> Environment:
 @cache
 def _text(name: str) -> str:
     return (_HERE / name).read_text(encoding='utf-8')
+
+
+def _gaps(traces: Mapping[str, Trace]) -> list[tuple[str, Gap]]:
+    """Return the gaps, each with the names of the runs that have it."""
+    found: dict[Gap, list[str]] = {}
+    for name, trace in traces.items():
+        for gap in trace.gaps:
+            found.setdefault(gap, []).append(name)
+    return [(', '.join(names), gap) for gap, names in found.items()]
 
 
 def _data(plots: Sequence[Plot], traces: Mapping[str, Trace], span: tuple[float, float]) -> Markup:

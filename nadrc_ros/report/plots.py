@@ -35,9 +35,9 @@ from nadrc_ros.report.traces import Trace
 import numpy as np
 
 _MOST_MARKED = 40
-_LONGEST_NAME = 10
+_LONGEST_NAME = 9
 _HEIGHT = 240  # px
-_LEFT, _RIGHT = 70, 14  # px: the same, so that the times lie above each other
+_LEFT, _RIGHT = 76, 14  # px: the same, so that the times lie above each other
 _WHITE = '#ffffff'
 # Decades of a spectrum, and above it those for the marks of bandwidths.
 _DEEPEST, _HEADROOM = 8.0, 1.0

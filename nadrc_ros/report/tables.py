@@ -137,7 +137,11 @@ def happened(
 
     States, faults and gaps have their duration, changes of parameters the number of their mark.
     """
-    found = [each for name, run in runs.items() for each in _of_events(name, run)]
+    every = [each for name, run in runs.items() for each in _of_events(name, run)]
+    found = []
+    for one in dict.fromkeys(each._replace(run='') for each in every):  # the same in several runs
+        names = [each.run for each in every if each._replace(run='') == one]
+        found.append(one._replace(run=', '.join(dict.fromkeys(names))))
     for mark in marked:
         for change, names in mark.changes:
             what = f'{change.name}: {text_of(change.before)} → {text_of(change.after)}'

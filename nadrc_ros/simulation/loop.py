@@ -10,6 +10,7 @@ from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.cascade import Cascade, loops_of
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.state import damping
+from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, SentSample
 from nadrc_ros.simulation.metrics import accumulate_remainders, Metrics
@@ -54,6 +55,8 @@ class Loop:
         The figures of merit so far.
     remainders
         The sums of :func:`~nadrc_ros.simulation.metrics.accumulate_remainders`.
+    modes
+        Mode and cause of the innermost controller with the times [s] from which they held.
     levels
         The largest number of levels that was in use.
     noise, inner_noise, fed, noise_start
@@ -71,6 +74,7 @@ class Loop:
         self.derivatives = [sum(orders[: i + 1]) for i in range(len(orders) - 1)]
         self.metrics = Metrics(experiment.settled)
         self.remainders = [0.0] * MAX_LEVELS
+        self.modes: list[tuple[float, Mode, Cause]] = []
         self.levels = self.controller.design.levels
         self.noise = np.zeros(0)
         self.inner_noise = [np.zeros(0) for _ in self.derivatives]
@@ -111,13 +115,21 @@ class Loop:
             if kernel is not None and self._regular():
                 stop = min(drawn, plant_run.faults.next_begin(plant_run.k))
                 stop = min(stop, self._changes[0][0]) if self._changes else stop
+                begin = plant_run.k
                 if plant_run.k < stop and not kernel(self, stop, rows):
                     kernel = None
+                self._note_mode(begin / self.experiment.rate)
                 self._newest = SentSample(nan, plant_run.k - 1.0, plant_run.k - 1)
                 self.acting = self.controller.command
                 if plant_run.k == drawn:
                     continue
             self._period(rows)
+            self._note_mode((plant_run.k - 1) / self.experiment.rate)
+
+    def _note_mode(self, time: float) -> None:
+        now = self.controller.policy[:2]
+        if not self.modes or self.modes[-1][1:] != now:
+            self.modes.append((time, Mode(now[0]), Cause(now[1])))
 
     def _regular(self) -> bool:
         """Tell whether this period has its one sample, as the one before had."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import attrs
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.loop import (
     COLUMNS,
@@ -49,7 +50,8 @@ class Result:
 
     Row k: reference, output and measurement at ``time`` t_k, the ``command`` held from t_k on, and
     the estimates after the sample of t_k. ``total_disturbance`` is the truth for the CONTROLLER's
-    b0. A level that was added by a retune is nan before.
+    b0. A level that was added by a retune is nan before. ``modes`` are what the controller did and
+    why, each with the time [s] from which on.
 
     Of a cascade, ``tracking`` and ``output_estimate`` are of the outermost loop, the disturbances
     and ``status_counts`` of the innermost one, and ``inner`` has the loops inside the outermost.
@@ -67,6 +69,7 @@ class Result:
     total_disturbance: Array
     metrics: MetricValues
     status_counts: dict[str, int]
+    modes: tuple[tuple[float, Mode, Cause], ...] = ()
     measurement_period: float = 0.0
     inner: tuple[InnerLoop, ...] = ()
 
@@ -118,6 +121,7 @@ def simulate(
         disturbances=rows[:, FIRST_LEVEL : FIRST_LEVEL + loop.levels].copy(),
         metrics=loop.metrics.values(),
         status_counts={s.name.lower(): n for s, n in loop.controller.counts.items() if n},
+        modes=tuple(loop.modes),
         measurement_period=settings.measurement_period,
     )
 

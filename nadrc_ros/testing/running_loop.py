@@ -240,6 +240,7 @@ class RunningLoop:
         return Result(
             **columns,
             inner=(),
+            modes=(),
             disturbances=disturbances,
             metrics=self.recorder.figures.values(),
             status_counts={
