@@ -269,6 +269,55 @@ def test_p12_a_vibration_that_changes_its_frequency_is_followed(retuned: float) 
     assert error < 1e-6
 
 
+def moved_by_another_b0(
+    settings: ControllerSettings, after: float, told: float, enabled: bool = True
+) -> tuple[float, float]:
+    """Return the largest |y|, and error of the estimate, from a change of b0 on."""
+    poles = settings.known_poles
+    controller, plant = Controller(settings, enabled=enabled, checked=True), Shaken(poles, 30.0)
+    sent = [0.0] * round(settings.input_delay / H)
+    largest = away = 0.0
+    for k in range(4000):
+        if k == 3500:
+            controller.retune(attrs.evolve(settings, b0=after))
+        y, variable = plant.y, 0.0 if k < 3600 else told
+        sent.append(controller.tick(y, H, reference=[0.0], gain_variable=variable))
+        if k >= 3500:
+            largest = max(largest, abs(y))
+            away = max(away, abs(plant.disturbance - controller.total_disturbance))
+        plant.advance(sent.pop(0), H)
+    return largest, away
+
+
+@pytest.mark.parametrize(
+    ('structure', 'n'), [('nested', 1), ('nested', 3), *((name, 2) for name in NAMES)]
+)
+def test_p12_another_b0_moves_nothing_under_a_known_vibration(structure: str, n: int) -> None:
+    """What the command cancels is to the estimates as large as b0; it moved an output by 0.014."""
+    settings = ControllerSettings(
+        structure=structure,
+        plant_order=n,
+        inner_bandwidth=20.0,
+        outer_bandwidth=20.0,
+        plant_poles=(-15.0,) if n > 1 else (0.0,),
+        disturbance_frequencies=(30.0, 7.0),
+        **WIDE,
+    )
+    assert moved_by_another_b0(settings, 1.7, 0.0)[0] < 1e-9
+    if structure != 'nested':
+        return
+    table = attrs.evolve(settings, b0_table=(0.0, 1.0, 1.0, 0.6), b0_source='topic')
+    assert moved_by_another_b0(table, 1.0, 1.0)[0] < 1e-9
+    late = attrs.evolve(settings, input_delay=0.015)
+    assert moved_by_another_b0(late, 1.7, 0.0)[0] < 2e-5
+
+
+def test_p12_nor_the_estimate_of_a_vibration_that_no_command_cancels() -> None:
+    """Nothing of it is in what the command did, which does nothing while the loop is open."""
+    settings = ControllerSettings(disturbance_frequencies=(30.0,), **WIDE)
+    assert moved_by_another_b0(settings, 1.7, 0.0, enabled=False)[1] < 1e-9
+
+
 @pytest.mark.parametrize('n', (2, 3, 5))
 def test_poles_that_are_left_out_are_integrators(n: int) -> None:
     """One lag is one lag, whatever the order, and no known pole is a chain."""

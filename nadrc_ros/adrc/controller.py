@@ -385,6 +385,7 @@ class Controller:
             dt,
             sample.sent,
             sample.downstream,
+            self._next,
         )
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None

@@ -157,7 +157,7 @@ def step(
     offset[1] = brief * exp(-design.bandwidths[0] * dt) if brief != 0.0 else 0.0
     if special:
         if design.gain_source > 0:
-            follow_gain(design, state, gain_variable, acting, dt, out)
+            follow_gain(design, state, gain_variable, sent, acting, dt, out)
         if design.error_deadband > 0.0:
             mind_deadband(design, state, reference, sent, acting, dt, out)
     raw = raw_command(design, out)

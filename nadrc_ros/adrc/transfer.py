@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import nan, prod
 
-from nadrc_ros.adrc.delay_line import acting, merge_short, pass_through
+from nadrc_ros.adrc.delay_line import acting, blank_line, merge_short, pass_through
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.gain import retune_gain
 from nadrc_ros.adrc.internal_model import place_known, take_feedback
@@ -33,6 +33,7 @@ def retune(
     dt: float,
     sent: float = nan,
     downstream: float = nan,
+    earlier: State | None = None,
 ) -> State:
     """
     Return ``state`` of ``old`` as one of ``new`` that gives the same command.
@@ -44,7 +45,7 @@ def retune(
     integrate for long: so it decays with the inner observer, and so does what is left of a
     takeover that would become slower.
     ``reference``, ``applied``, ``dt``, ``sent`` and ``downstream`` are those of the step that led
-    to ``state``. Plant order is fixed.
+    to ``state``, from the one ``earlier``. Plant order is fixed.
     """
     n = new.order
     if sent != sent:
@@ -81,7 +82,11 @@ def retune(
     if new.error_based:
         after.levels[0][n] -= reference_share(new, after.profile)
     driving = applied - state.offset[2]
-    retune_gain(old, new, state, acting(state.delay_line, driving), after)
+    acted = acting(state.delay_line, driving)
+    if earlier is not None and old.input_delay > 0.0:  # over the step, not from now on
+        line, spare = earlier.delay_line, blank_line(old.input_delay)
+        acted = pass_through(old.input_delay, line, driving, dt, spare)
+    retune_gain(old, new, earlier or state, state, sent, acted, after)
     if new.error_deadband > 0.0:  # else it wakes
         after.resting[:] = state.resting
     after.offset[:] = state.offset
