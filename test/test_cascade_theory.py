@@ -45,15 +45,23 @@ def cascade(ratio: float, structure: str, wc: float = 2.0) -> CascadeSettings:
     return CascadeSettings(**loop(wc, structure), inner=inner)
 
 
-def outputs(settings: CascadeSettings, seconds: float, start: float, r: float) -> list[float]:
-    """Return the output of a double integrator."""
+def outputs(
+    settings: CascadeSettings, seconds: float, start: float, r: float, begin: float = 0.0
+) -> list[float]:
+    """Return the output of a double integrator; the reference is where it starts until then."""
     laws, plant = Cascade(settings, checked=True), Chain(2)
     plant.x[0] = start
     found = []
-    for _ in range(round(seconds / H)):
+    for k in range(round(seconds / H)):
         found.append(plant.y)
-        plant.advance(laws.tick(plant.x, H, reference=[r]), H)
+        aim = r if k * H >= begin else start
+        plant.advance(laws.tick(plant.x, H, reference=[aim]), H)
     return found
+
+
+def overshoot(settings: CascadeSettings) -> float:
+    """Return that of a step of 1 while the loop is closed: closing it on the way is softer."""
+    return max(outputs(settings, 8.0, 0.0, 1.0, begin=0.5)) - 1.0
 
 
 @pytest.mark.parametrize('structure', ['conventional', 'nested'])
@@ -106,23 +114,36 @@ def test_a_cascade_of_one_has_the_margins_of_its_loop() -> None:
 
 
 @pytest.mark.parametrize(
-    ('structure', 'ratio', 'overshoot', 'modulus'),
+    ('structure', 'ratio', 'most', 'modulus'),
     [
-        ('conventional', 3.0, 0.001, 0.75),
+        ('conventional', 3.0, 0.012, 0.75),
         ('conventional', 5.0, 0.001, 0.75),
-        ('nested', 4.0, 0.005, 0.65),
-        ('nested', 5.0, 0.001, 0.65),
+        ('nested', 4.0, 0.06, 0.65),
+        ('nested', 5.0, 0.01, 0.65),
     ],
 )
-def test_an_inner_loop_three_to_five_times_as_fast_leaves_no_overshoot(
-    structure: str, ratio: float, overshoot: float, modulus: float
+def test_an_inner_loop_three_to_five_times_as_fast_leaves_little_overshoot(
+    structure: str, ratio: float, most: float, modulus: float
 ) -> None:
     """The rule of docs/cascade.md; twice as fast is too slow."""
     settings = cascade(ratio, structure)
     designs = [make_design(each) for each in loops_of(settings)]
     assert loop_margins(cascade_loop(designs, chain(2, 1.0), H)).modulus > modulus
-    assert max(outputs(settings, 6.0, 0.0, 1.0)) < 1.0 + overshoot
-    assert max(outputs(cascade(2.0, structure), 6.0, 0.0, 1.0)) > 1.01
+    assert overshoot(settings) < most
+    assert overshoot(cascade(2.0, structure)) > 0.09
+
+
+@pytest.mark.parametrize('structure', ['conventional', 'nested'])
+@pytest.mark.parametrize('ratio', [1.0, 1.5, 2.0])
+def test_an_outer_loop_that_knows_the_lag_of_the_inner_one_does_not_overshoot(
+    structure: str, ratio: float
+) -> None:
+    """As docs/cascade.md has it: without, twice as fast is too slow; a delay keeps it stable."""
+    wc, without = 2.0 * ratio, cascade(ratio, structure)
+    lagged = attrs.evolve(without, plant_order=2, b0=wc, plant_poles=(-wc,))
+    assert overshoot(lagged) < 1e-4 < 0.09 < overshoot(without)
+    late = overshoot(attrs.evolve(without, input_delay=1.0 / wc))
+    assert late < {1.0: 0.4, 1.5: 0.2, 2.0: 0.12}[ratio]
 
 
 def scenario() -> Scenario:
