@@ -18,7 +18,14 @@ from bokeh.models.annotations import BoxAnnotation, Label
 from bokeh.models.sources import ColumnDataSource
 from nadrc_ros.cli.app import app
 from nadrc_ros.records.history import ABOUT, append_event, append_parameters, Event, PARAMETERS
-from nadrc_ros.records.recording import read_samples, RunSettings, SAMPLES, SETTINGS, SUMMARY
+from nadrc_ros.records.recording import (
+    read_samples,
+    RunSettings,
+    SAMPLES,
+    SETTINGS,
+    STAMPS,
+    SUMMARY,
+)
 from nadrc_ros.report import page as page_module
 from nadrc_ros.report.roles import STATES
 from nadrc_ros.report.tables import shown_together
@@ -121,6 +128,18 @@ def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) 
     captions = [attrs for tag, attrs in page.tags if attrs.get('role') == 'img']
     assert len(captions) == page.text.count('time from') + 6 == 8
     assert all(each['aria-label'] for each in captions)
+
+
+def test_what_acted_and_the_feed_forward_are_shown_with_the_command(tmp_path: Path) -> None:
+    signals = (*SIGNALS, 'applied', 'feed_forward', *STAMPS)
+    page = report(record(tmp_path / 'a', signals, applied=1.5, feed_forward=-0.5))
+    for name, dash, value in (('applied', [2, 4], 1.5), ('feed_forward', [6], -0.5)):
+        (line,) = page.lines(name)
+        assert line.tags == [0, name, True] and line.glyph.line_dash == dash
+        assert set(page.column(name)) == {value}
+    assert 'Dotted: what acted, as reported. Dashed: the feed-forward in it.' in page.words()
+    page = report(record(tmp_path / 'b', (*SIGNALS, 'applied', *STAMPS), applied=nan))
+    assert not page.lines('applied') and 'Dotted: what acted' not in page.words()
 
 
 def test_every_sample_is_in_the_page_to_the_bit(tmp_path: Path) -> None:

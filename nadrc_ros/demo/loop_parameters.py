@@ -122,6 +122,8 @@ def _fault_parameters(scenario: Scenario) -> Parameters:
 def recorded(settings: ControllerSettings) -> list[str]:
     """Return the signals worth recording for these settings."""
     signals = [name for name in DEFAULT_INPUTS if not name.startswith('level_')]
+    signals += ['applied'] if settings.applied_timeout > 0.0 else []
+    signals += ['feed_forward'] if settings.feed_forward_timeout > 0.0 else []
     return signals + [f'level_{k + 1}' for k in range(make_design(settings).levels)]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.records.recording import NEEDED, STAMPED
+from nadrc_ros.records.recording import JOINED, NEEDED, STAMPED
 from nadrc_ros.records.rows import Row, Rows
 from nadrc_ros.ros.diagnostics import OK, WARN
 from nadrc_ros.ros.node import LiveNode
@@ -63,7 +63,8 @@ class Intake:
         self.wiring, self._home = WiringSettings(), ''
         self._topics = topics
         self._stamped: set[str] = set()  # signals whose headers tell the time, also simulated
-        self._wired: dict[str, Address | None] = dict.fromkeys(NEEDED)
+        self._wired: dict[str, Address | None] = {}
+        self._wired |= dict.fromkeys(name for name in (*NEEDED, *JOINED) if name in topics)
         for name, topic in topics.items():
             node.add_input(topic, partial(self.take, name), qos=RECORD, **_watched(name))
 

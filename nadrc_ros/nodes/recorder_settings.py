@@ -21,7 +21,9 @@ class RecorderSettings(FigureSettings):
     """What is recorded, and where to."""
 
     inputs: str = text(
-        ' '.join(DEFAULT_INPUTS), 'signals to record, separated by spaces', live=False
+        ' '.join(DEFAULT_INPUTS),
+        'signals to record, separated by spaces: these, applied, feed_forward, level_3 ...',
+        live=False,
     )
     plant: str = text('plant', 'name of the plant node, for its ~/output', live=False)
     controller: str = text('controller', 'name of the controller node', live=False)

@@ -20,6 +20,8 @@ SETTINGS = 'run.json'
 SAMPLES = 'samples.csv'
 SUMMARY = 'summary.json'
 NEEDED = ('reference', 'measurement', 'command')
+# What a controller may be told besides: what acts, as it was reported, and what to add.
+JOINED = ('applied', 'feed_forward')
 TRUTH = ('output', 'total_disturbance')
 ESTIMATES = {
     'tracking': 'tracking',
@@ -105,7 +107,7 @@ def topic_of(name: str, plant: str = 'plant', controller: str = 'controller') ->
         For a signal that does not exist.
 
     """
-    if name in NEEDED:
+    if name in (*NEEDED, *JOINED):
         return name
     if name in TRUTH:
         return f'{plant}/{name}'
@@ -114,7 +116,9 @@ def topic_of(name: str, plant: str = 'plant', controller: str = 'controller') ->
     level = name.removeprefix('level_')
     if name != level and level.isdigit():
         return f'{controller}/level_{level}/disturbance'
-    raise SettingError('inputs', name, one_of(name, (*NEEDED, *TRUTH, *ESTIMATES, 'level_1')))
+    raise SettingError(
+        'inputs', name, one_of(name, (*NEEDED, *JOINED, *TRUTH, *ESTIMATES, 'level_1'))
+    )
 
 
 class RunFolder:

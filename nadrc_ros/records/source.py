@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 import attrs
 from nadrc_ros.adrc.settings import MAX_LEVELS
-from nadrc_ros.records.recording import ESTIMATES, NEEDED, RecordingError, TRUTH
+from nadrc_ros.records.recording import ESTIMATES, JOINED, NEEDED, RecordingError, TRUTH
 from nadrc_ros.records.rows import Row, Rows, SECOND
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 REQUIRED = ('measurement', 'command')
 _LEVELS = tuple(f'level_{k}' for k in range(1, MAX_LEVELS + 1))
-SIGNALS = (*NEEDED, *TRUTH, *ESTIMATES, *_LEVELS)
+SIGNALS = (*NEEDED, *JOINED, *TRUTH, *ESTIMATES, *_LEVELS)
 # Samples of a log that are made rows together.
 _SAMPLES_AT_ONCE = 10_000
 

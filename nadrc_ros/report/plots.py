@@ -24,6 +24,7 @@ from nadrc_ros.report.roles import (
     GREY,
     GRID,
     INK,
+    JOINED_LOOKS,
     level_looks,
     Look,
     looks,
@@ -43,6 +44,8 @@ _WHITE = '#ffffff'
 _DEEPEST, _HEADROOM = 8.0, 1.0
 _MOST_BANDWIDTHS = 8
 _TWO_MARKS = 0.03  # of the width of a spectrum are too near to each other for two letters
+# What is drawn beside a command.
+_JOINED = {'applied': 'what acted, as reported', 'feed_forward': 'the feed-forward in it'}
 
 
 @attrs.frozen
@@ -119,12 +122,19 @@ class Plotter:
         return self._each('error', 'error e', caption)
 
     def command(self) -> Plot:
-        """Return the commands, held over each period, with the limits that all have."""
-        plot = self._each('command', 'command u', 'Command u, held until the next one.')
+        """Return the commands, what acted and the feed-forward, with the limits that all have."""
+        made = self._each('command', 'command u', '').figure
+        caption = 'Command u, held until the next one.'
+        for column, what in _JOINED.items():
+            dash = JOINED_LOOKS[column].dash
+            for name in self.runs:
+                self._line(made, name, column, Look(self.looks[name].colour, dash), 1.2)
+            if any(column in trace.columns for trace in self._traces.values()):
+                caption += f' {dash.title()}: {what}.'
         limits = {run.history.command_limits() for run in self.runs.values()}
         for limit in limits.pop() or () if len(limits) == 1 else ():
-            plot.figure.add_layout(_across(limit, 'width'))
-        return plot
+            made.add_layout(_across(limit, 'width'))
+        return Plot(made, caption)
 
     def disturbance(self, name: str, caption: str) -> Plot | None:
         """Return the estimate of a run, level by level, over the truth; None without either."""
@@ -258,7 +268,7 @@ class Plotter:
         if column in self._traces[name].columns:
             source = ColumnDataSource({'x': [], 'y': []})
             line = made.line('x', 'y', source=source, **_line_look(look, width))
-            line.tags = [list(self.runs).index(name), column, column == 'command']
+            line.tags = [list(self.runs).index(name), column, column in ('command', *JOINED_LOOKS)]
             line.visible = column != 'measurement'
 
     def _timed(self, title: str, shaded: Iterable[str] = ()) -> figure:

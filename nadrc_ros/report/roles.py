@@ -45,6 +45,10 @@ class Look(NamedTuple):
     dash: str
 
 
+# Lines in the colour of their run, beside its command.
+JOINED_LOOKS = {'applied': Look(GREY, 'dotted'), 'feed_forward': Look(GREY, 'dashed')}
+
+
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Return the look of each run, in this order: the first 18 differ."""
     return dict(zip(names, cycle(Look(c, dash) for dash, c in product(_DASHES, COLOURS))))

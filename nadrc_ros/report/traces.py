@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import attrs
 from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.records.recording import JOINED
 from nadrc_ros.records.spacing import GAP_SPACINGS
 from nadrc_ros.records.states import Lasting
 from nadrc_ros.report.curves import kept
@@ -60,6 +61,7 @@ def trace_of(run: RecordedRun, most: int = MOST_ROWS) -> Trace:
         'output': run.output,
         'error': run.error,
         'command': run.command,
+        **{name: run.column(name) for name in JOINED},
         'truth': run.total_disturbance,
         'estimate': run.disturbance_estimate,
         'miss': run.disturbance_estimate - run.total_disturbance,

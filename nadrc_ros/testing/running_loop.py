@@ -18,7 +18,7 @@ from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.records.history import Event, read_history
 from nadrc_ros.records.recorded_run import modelled, reached, referred, scheduled
-from nadrc_ros.records.recording import read_samples
+from nadrc_ros.records.recording import JOINED, read_samples, STAMPS
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.node import LiveNode
@@ -229,8 +229,8 @@ class RunningLoop:
         columns = {k: np.array(v) for k, v in read_samples(self._written()).items()}
         levels = sorted((k for k in columns if k.startswith('level_')), key=lambda k: int(k[6:]))
         disturbances = np.column_stack([columns.pop(level) for level in levels])
-        for stamp in [name for name in columns if name.endswith('_stamp')]:
-            del columns[stamp]
+        for name in (*STAMPS, *JOINED):  # which a simulation does not have
+            columns.pop(name, None)
         late, time = self.plant.process.dead_time, columns['time']
         acted = reached(time, columns['command'], late.delay, late.before)
         truth = referred(time, acted, columns['total_disturbance'], *self._gains)

@@ -11,9 +11,10 @@ from files_helpers import recording
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
+from nadrc_ros.nodes.recorder_settings import DEFAULT_INPUTS
 from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import Event, read_history
-from nadrc_ros.records.recording import read_samples, SUMMARY
+from nadrc_ros.records.recording import JOINED, read_samples, SUMMARY
 from nadrc_ros.records.states import states
 from probe import Probe
 import pytest
@@ -28,7 +29,7 @@ def running_loop(
     """Return a probe with a loop in its process, in control and recorded, and its recorder."""
     plant = {'rate': RATE, 'plant': 'chain', 'order': 1}
     control = {'rate': RATE, 'plant_order': 1, 'measurement_timeout': 0.1, **controller}
-    recorder = {'directory': str(directory)}
+    recorder = {'directory': str(directory), 'inputs': ' '.join((*DEFAULT_INPUTS, *JOINED))}
     probe = make(parameters={'plant': plant, 'controller': control, 'recorder': recorder})
     node = probe.add(RecorderNode())
     probe.add(PlantNode())

@@ -45,6 +45,35 @@ def test_in_simulated_time_rows_are_at_the_times_of_headers(
     assert len({round(1e3 * span, 6) for span in spans}) == 3
 
 
+def test_it_records_what_acts_and_the_feed_forward_where_the_controller_hears_them(
+    make_probe: Make, tmp_path: Path
+) -> None:
+    inputs = 'reference measurement command applied feed_forward'
+    recorder = {'directory': str(tmp_path), 'inputs': inputs}
+    joined = {'applied_timeout': 5.0, 'feed_forward_timeout': 5.0, 'rate': 50.0}
+    parameters = wired(wiring_applied='drive std_msgs/Float64MultiArray data[1]', **joined)
+    probe = make_probe(parameters={'controller': parameters, 'recorder': recorder})
+    send = probe.node.create_publisher(JointState, 'joints', 10)
+    report = probe.node.create_publisher(Float64MultiArray, 'drive', 10)
+    feed = probe.publisher('feed_forward')
+    node = probe.add(RecorderNode())
+    controller = probe.add(ControllerNode())
+    for publisher in (send, report, controller._command.publisher):
+        probe.wait_until(lambda: publisher.get_subscription_count() > 0)  # noqa: B023
+    probe.wait_until(lambda: report.get_subscription_count() > 1 and probe.readers('feed_forward'))
+    begin = time.time_ns()
+    for k in range(60):
+        probe.wait_until(lambda: time.time_ns() > begin + k * PERIOD)  # noqa: B023
+        report.publish(Float64MultiArray(data=[9.0, 0.5 * (k // 10)]))
+        feed(0.1 * (k // 10))
+        send.publish(joints(time.time_ns(), elbow=0.0))
+    node.close()
+    rows = read_samples(node.folder.path)
+    there = [(a, f) for a, f in zip(rows['applied'], rows['feed_forward']) if a == a and f == f]
+    assert len(there) > 30 and there[-1] == (2.5, 0.5)
+    assert all(a == pytest.approx(5.0 * f) for a, f in there[-8:])
+
+
 @pytest.mark.parametrize('best_effort', [False, True])
 def test_a_recorder_records_the_numbers_that_the_controller_has_and_sends(
     make_probe: Make, tmp_path: Path, best_effort: bool
