@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import takewhile
 from pathlib import Path
-import re
 
 from nadrc_ros.scenario import load
+from nadrc_ros.scenario.files import purpose_of
 
 PAGE = Path(__file__).with_name('scenarios.md')
 CONFIG = PAGE.parents[1] / 'config'
@@ -26,8 +25,8 @@ workspace or a pip install.)
 `units: {output: rad, command: V}` goes to every axis and table of the [report](report.md); a
 recorder has the parameters `units.output` and `units.command`.
 
-A copy of a file is the start of a scenario of your own. The tests run every one of them and check
-that the error settles and the command stays within its limits.
+`nadrc scenarios` lists them. A copy of a file is the start of a scenario of your own. The tests
+run every one of them and check that the error settles and the command stays within its limits.
 
 Plants and signals of your own: [own.md](own.md). `rate` may be as low as 0.001 Hz; a controller
 that does not name `measurement_timeout` and `max_dt`
@@ -45,10 +44,8 @@ def page() -> str:
 
 
 def _row(path: Path) -> str:
-    """Return the row of one scenario; the comment that its file begins with says what it is."""
+    """Return the row of one scenario."""
     scenario = load(path)
-    lines = path.read_text(encoding='utf-8').splitlines()
-    comment = ' '.join(line.lstrip('# ') for line in takewhile(lambda s: s[:1] == '#', lines))
     settings = next(iter(scenario.controllers.values()))
     low, high = settings.command_min, settings.command_max
     facts = (
@@ -57,8 +54,7 @@ def _row(path: Path) -> str:
         'no limits' if high - low > 1e6 else f'command {low:g} to {high:g}',
         ', '.join(scenario.controllers),
     )
-    what = re.split(r'(?<!eq)\. ', comment)[0].rstrip('.')
-    return f'| [{path.stem}](../config/{path.name}) | {what} | {"<br>".join(facts)} |'
+    return f'| [{path.stem}](../config/{path.name}) | {purpose_of(path)} | {"<br>".join(facts)} |'
 
 
 if __name__ == '__main__':

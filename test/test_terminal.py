@@ -7,6 +7,7 @@ from typing import Any
 
 from nadrc_ros.cli import messages
 from nadrc_ros.cli.app import app, COMMANDS
+from nadrc_ros.scenario.files import shipped_scenarios
 from nadrc_ros.terminal import command_line, wrapped
 import pytest
 from typer.main import get_command
@@ -97,3 +98,40 @@ def test_an_error_in_a_file_names_its_key_whatever_was_typed(tmp_path: Any) -> N
     file.write_text('{plant: chain, reference: sine, controllers: {c: {}}, rate: -1}')
     done = CliRunner().invoke(app, ['simulate', str(file), '--rate', '50'])
     assert done.output.startswith(f'error: {file}: rate = -1.0: must be')
+
+
+@pytest.mark.parametrize(
+    ('words', 'completed'),
+    [
+        ('nadrc sce', 'scenarios'),
+        ('nadrc simulate mot', 'motor_position\nmotor_speed'),
+        ('nadrc design --structure ne', 'nested'),
+        ('nadrc design --settl', '--settling-time'),
+    ],
+)
+def test_a_shell_completes_commands_scenarios_options_and_their_values(
+    words: str, completed: str
+) -> None:
+    asked = {
+        'COMP_WORDS': words,
+        'COMP_CWORD': str(len(words.split()) - 1),
+        '_NADRC_COMPLETE': 'complete_bash',
+    }
+    done = CliRunner().invoke(app, [], env=asked, prog_name='nadrc')
+    assert (done.exit_code, done.output.strip()) == (0, completed)
+
+
+def test_the_units_of_options_are_completed_too() -> None:
+    root: Any = get_command(app)
+    design = root.commands['design']
+    context = design.context_class(design, info_name='design')
+    (option,) = design.shell_complete(context, '--settling')
+    assert option.help.endswith('(s).')
+
+
+def test_scenarios_lists_every_shipped_one() -> None:
+    listed = CliRunner().invoke(app, ['scenarios'])
+    assert listed.exit_code == 0
+    for name in shipped_scenarios():
+        assert f'\n{name} ' in f'\n{listed.output}'
+    assert 'chain, order 3, 15 s at 200 Hz: conventional, nested' in listed.output

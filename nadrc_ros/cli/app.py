@@ -16,6 +16,7 @@ from nadrc_ros.cli.design import design
 from nadrc_ros.cli.failure import naming, reporting, USAGE_ERROR
 from nadrc_ros.cli.identify import identify
 from nadrc_ros.cli.report import report
+from nadrc_ros.cli.scenarios import scenarios
 from nadrc_ros.cli.simulate import simulate
 from nadrc_ros.cli.summarise import summarise
 from nadrc_ros.cli.sweep import sweep
@@ -24,7 +25,19 @@ from nadrc_ros.cli.wire import fields, wire
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-COMMANDS = (design, simulate, demo, report, identify, sweep, tune, summarise, fields, wire)
+COMMANDS = (
+    design,
+    scenarios,
+    simulate,
+    demo,
+    report,
+    identify,
+    sweep,
+    tune,
+    summarise,
+    fields,
+    wire,
+)
 
 
 _UNBROKEN = '\N{NON-BREAKING HYPHEN}'
@@ -45,6 +58,13 @@ class _Command(TyperCommand):
         }
         with naming(typed):
             return super().invoke(ctx)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return what may follow; typer takes brackets, as of units, for markup and drops them."""
+        found = super().shell_complete(ctx, incomplete)
+        for item in found:
+            item.help = item.help and item.help.replace('[', '(').replace(']', ')')
+        return found
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write help as click does: the boxes of rich break words where a terminal is narrow."""

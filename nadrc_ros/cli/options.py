@@ -36,7 +36,21 @@ _KINDS: dict[str, Any] = {
 _PICTURES = ('.png', '.svg', '.pdf')
 _TABLES = ('.csv', '.parquet')
 
-ScenarioFile = Annotated[str, typer.Argument(help='Scenario file, or the name of a shipped one.')]
+
+def _shipped() -> list[str]:
+    """Return what completes the name of a scenario; where nothing fits, shells complete files."""
+    from nadrc_ros.scenario.files import shipped_scenarios
+
+    return list(shipped_scenarios())
+
+
+ScenarioFile = Annotated[
+    str,
+    typer.Argument(
+        help='Scenario file, or the name of a shipped one: nadrc scenarios.',
+        autocompletion=_shipped,
+    ),
+]
 # What changes a scenario.
 Duration = Annotated[Optional[float], typer.Option(help='Length of the run in seconds.')]
 Rate = Annotated[Optional[float], typer.Option(help='Control periods per second.')]
@@ -120,7 +134,8 @@ def _described(cls: type[Any], field: Declared, unset: bool) -> Any:
     said = f' (default {default})' if unset else ''
     text = f'{field.description[0].upper()}{field.description[1:]}{choices}{unit}{said}.'
     kind = _KINDS[field.kind]
-    option = typer.Option(help=in_options(text, cls))
+    words = list(field.choices)
+    option = typer.Option(help=in_options(text, cls), autocompletion=lambda: words)
     return Annotated[Optional[kind] if unset else kind, option]
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from pathlib import Path
+import re
 import sys
 
 from nadrc_ros.adrc.errors import did_you_mean, UserError
@@ -106,6 +108,13 @@ def shipped_scenarios() -> dict[str, Path]:
         if found:
             return found
     return {}
+
+
+def purpose_of(path: Path) -> str:
+    """Return what a scenario is: the first sentence of the comment that its file begins with."""
+    lines = read_text(path).splitlines()
+    comment = ' '.join(line.lstrip('# ') for line in takewhile(lambda s: s[:1] == '#', lines))
+    return re.split(r'(?<!eq)\. ', comment)[0].rstrip('.')
 
 
 def _config_folders() -> list[Path]:
