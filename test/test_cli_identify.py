@@ -44,7 +44,7 @@ def test_a_run_gives_a_table_a_verdict_and_three_files_to_go_on_with(
     assert 'b0 = 12 is 2.39 times too large: worth a change.' in done.output
     for said in (
         'Suggested start: settling time',
-        'It is stable for b / b0',
+        'Stable if the true gain is ',
         'Next: nadrc design ',
     ):
         assert said in done.output

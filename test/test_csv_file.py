@@ -110,7 +110,7 @@ def test_empty_cells_are_unknown_and_other_columns_may_hold_words(tmp_path: Path
     found = file.series('t', ['y', 'r'])
     y, r = found.columns.values()
     assert y.tolist()[::2] == [1.0, 3.0] and isnan(y[1]) and all(map(isnan, r))
-    with pytest.raises(UserError, match=r"line 2: mode = 'AUTO' is no number"):
+    with pytest.raises(UserError, match=r"line 2: mode = 'AUTO' is not a number"):
         file.series('t', ['mode'])
 
 
@@ -142,8 +142,8 @@ def test_a_last_row_that_was_cut_is_left_out_and_any_other_is_named(tmp_path: Pa
         ('t,y\n0,1\ninf,2\n', "line 3: t = 'inf' is no time"),
         ('t,y\n-1e308,1\n1e308,2\n', "line 2: t = '-1e308' is no time"),
         ('t [h],y\n0,1\n1e308,2\n', "line 3: t = '1e308' is no time"),
-        ('t,y\n0,1\n1,x\n', "line 3: y = 'x' is no number"),
-        ('t,y\n0,1\nt,y\n0,1\n', "line 3: t = 't' is no number"),
+        ('t,y\n0,1\n1,x\n', "line 3: y = 'x' is not a number"),
+        ('t,y\n0,1\nt,y\n0,1\n', "line 3: t = 't' is not a number"),
         ('t,y\n0,1\n1\n2,3\n', 'line 3: has not 2 cells as the others'),
         ('t,y\n0,1\n1,2,3\n', 'line 3: has not 2 cells as the others; are commas'),
         ('t,y\n0,1,2,3\n0,2,2,4\n', '2 names and 4 numbers in a row: commas'),
@@ -198,7 +198,7 @@ def test_a_file_of_many_blocks_is_one_series(
     assert found.time.tolist() == list(range(50)) and found.cut
     assert found.columns['y'][-1] == 49.5
     lines[30] = '30;x'
-    with pytest.raises(UserError, match="line 32: y = 'x' is no number"):
+    with pytest.raises(UserError, match="line 32: y = 'x' is not a number"):
         opened(tmp_path, 't;y\n' + '\n'.join(lines)).series('t', 'y')
 
 

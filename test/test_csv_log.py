@@ -110,7 +110,7 @@ def test_signals_with_rows_of_their_own_are_paired_as_those_of_a_bag(tmp_path: P
         ('t,y,u\n0,1,2\n', Source(time_unit='m'), "unit of time 'm': must be one of s, ms"),
         ('t,y,u\n0,1,2\n', Source(namespace='x'), 'a namespace is that of topics'),
         ('t,y,u\n0,1,2\n', Source(), 'too few measurements to tell their rate'),
-        ('t,y,u\n0,1,\n1,2,\n', Source(), 'no number in column u'),
+        ('t,y,u\n0,1,\n1,2,\n', Source(), 'column u has no numbers in it'),
         ('t,y,u\n0,1,1\n0,2,1\n', Source(), 'line 3: t repeats that of line 2'),
         ('nothing of the kind', Source(), 'no table of at least two columns of numbers'),
     ],

@@ -196,10 +196,10 @@ def test_the_advice_follows_the_disturbance() -> None:
         assert chosen == 'conventional' or share < WORTH
         named = {'nested_2': 'two nested', 'nested_3': 'three nested', 'conventional': 'one'}
         assert design.advice.startswith(f'Take {named[chosen]} observer')
-        crossing = re.findall(r'are better below ([\d.]+) rad/s only', design.advice)
+        crossing = re.findall(r'only against disturbances below ([\d.]+) rad/s', design.advice)
         assert len(crossing) == 1 and 10.0 < float(crossing[0]) < 25.0
         better = named['nested_2' if chosen == 'conventional' else chosen].capitalize()
-        assert f'. {better} observers are better below' in design.advice
+        assert f'. {better} observers help only against disturbances below' in design.advice
         other = {'nested_2': 'three', 'nested_3': 'two'}.get(chosen)
         aside = re.findall(r' \((\w+) nested observers \d+ %\)\.', design.advice)
         assert aside == ([other] if other else [])

@@ -280,7 +280,7 @@ class ControllerSettings:
     stall_action: str = choice(
         'warn',
         ('warn', 'fault'),
-        'what a stall leads to: a warning, or the fault action until the loop is enabled anew',
+        'what a stall leads to: a warning, or the fault action until the loop is enabled again',
     )
 
     def __attrs_post_init__(self) -> None:

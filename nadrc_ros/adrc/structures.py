@@ -48,7 +48,7 @@ STRUCTURES = Registry(
         # The command is b0 u = v - d_1, so the outer LESO receives v = b0 u + d_1 exactly as eq.
         # (20) prints it. Beside the full N-ADRC it shows which part of it brings an improvement.
         'filtered': Structure(
-            description='two LESOs, only the inner disturbance estimate cancelled',
+            description='two LESOs, only the inner disturbance estimate canceled',
             levels=lambda asked: 2,
             cancelled=lambda levels: 1,
         ),

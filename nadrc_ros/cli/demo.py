@@ -35,7 +35,7 @@ def demo(
     ),
 ) -> None:
     """
-    Run a scenario live on ROS 2, every node its own process.
+    Run a scenario live on ROS 2, each node in its own process.
 
     Each controller has a plant, a reference and a recorder of its own, in a namespace named
     after it.
@@ -124,7 +124,7 @@ def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':
     from nadrc_ros.demo.run import run_lockstep
 
     for retune in scenario.retunes:
-        warning(f'lockstep: the retune at {retune.time:g} s is left out')
+        warning(f'lockstep: the retune at {retune.time:g} s was skipped')
     return run_lockstep(scenario, out, lambda name: note(f'{name}: running in lockstep ...'))
 
 

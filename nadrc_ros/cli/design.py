@@ -32,7 +32,7 @@ def design(
     ] = None,
 ) -> None:
     """
-    Design a first controller from requirements, and say how many observers pay off.
+    Design a first controller from requirements, and say how many observers are worth it.
 
     design.yaml holds the ROS parameters of a controller node, scenario.yaml the experiment for
     `nadrc simulate` with every design that was compared. How to choose: docs/choosing.md.
@@ -77,8 +77,8 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]', details: bool)
         kind = 'PI' if found.wanted.order == 1 else 'PID'
         gains = f'Kp {pid.kp:.4g}, Ki {pid.ki:.4g}' + (f', Kd {pid.kd:.4g}' if pid.kd else '')
         print_text(
-            f'One observer is a filtered {kind} with {gains}: its column is also that of a {kind} '
-            'of equal noise.'
+            f'One observer is a filtered {kind} with {gains}, so its column also describes a '
+            f'{kind} with the same noise.'
         )
 
 

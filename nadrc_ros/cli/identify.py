@@ -288,9 +288,9 @@ def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]
     )
     margins = advice.margins
     lines.append(
-        f'It is stable for b / b0 from {margins.gain_low:.2f} to {margins.gain_high:.3g}, and '
-        f'with up to {1e3 * margins.delay:.3g} ms more delay; its distance from -1 is '
-        f'{margins.modulus:.2f}.'
+        f'Stable if the true gain is {margins.gain_low:.2f} to {margins.gain_high:.3g} times b0, '
+        f'and with up to {1e3 * margins.delay:.3g} ms of extra delay (modulus margin '
+        f'{margins.modulus:.2f}).'
     )
     return lines
 

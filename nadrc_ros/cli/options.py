@@ -197,7 +197,7 @@ def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
     scenario = whole.changed(**options)
     for retune in whole.retunes:
         if retune not in scenario.retunes:
-            warning(f'the retune at {retune.time:g} s lies after the end and is left out')
+            warning(f'the retune at {retune.time:g} s is after the end of the run and was skipped')
     return scenario
 
 

@@ -12,7 +12,7 @@ def summarise(
     run: Annotated[Path, typer.Argument(help='Folder of the run: runs/<date>, with samples.csv.')],
 ) -> None:
     """
-    Write the summary.json that a killed recorder could not write.
+    Write summary.json for a run whose recorder was killed.
 
     The figures are those of the recorder, from the samples that reached the disk. A summary that
     the recorder wrote at the end of the run is left as it is.
@@ -28,7 +28,7 @@ def summarise(
 
         content = summarise(run)
         if content['complete'] is False:
-            warning(f'{run}: the last row was cut short and is left out')
+            warning(f'{run}: the last row was cut short and was skipped')
         if gap := content['gap_time']:
             warning(f'{run}: no rows for {gap:.3g} s; no figure counts this time')
         print_figures_of_merit(
@@ -37,7 +37,7 @@ def summarise(
             read_settings(run).settle_time,
         )
         if read_summary(run).get('complete') is True:
-            say(f"{run / SUMMARY} is the recorder's own and stays")
+            say(f'{run / SUMMARY} was written by the recorder; left unchanged')
             return
         write_json(run / SUMMARY, 'summary', content)
         say(f'summary {run / SUMMARY}')

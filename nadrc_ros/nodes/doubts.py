@@ -121,7 +121,7 @@ class Doubts:
         if not short or self._controller.policy.measurement_age > _LOOKS * max(spacing, 1.0):
             return ''
         return (
-            f'measurements come every {spacing:.3g} s, too seldom for {" and ".join(short)}: '
+            f'measurements come every {spacing:.3g} s, too rarely for {" and ".join(short)}: '
             f'{3.0 * spacing:.2g} s would do'
         )
 

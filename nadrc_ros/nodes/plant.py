@@ -275,8 +275,7 @@ class PlantNode(LiveNode):
         self.diverged = self.process.k / self.pacing.rate
         self.events.tell('diverged', 'the plant diverged', ERROR)
         self.get_logger().error(
-            f'the plant diverged at t = {self.diverged:.6g} s: '
-            'its output is not a number from here on'
+            f'the plant diverged at t = {self.diverged:.6g} s: its output is NaN from here on'
         )
 
     def report(self) -> Report:

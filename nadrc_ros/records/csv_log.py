@@ -64,7 +64,7 @@ def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], float, s
             stamps[signal], values[signal] = series.time[known], series.columns[column][known]
     for signal in REQUIRED:
         if signal not in stamps:
-            raise RecordingError(f'no number in column {columns[signal]}')
+            raise RecordingError(f'column {columns[signal]} has no numbers in it')
     told = _told(file, series, {'time': time, **columns}, given, source.time_unit)
     return *rows_of(stamps, values), told
 
@@ -90,7 +90,7 @@ def _told(
     told = f'{file.told}; {", ".join(words)}'
     if not known and not series.dated:
         told += f'; {time} has no unit, and seconds are assumed: if not, --time-unit ms'
-    return told + ('; the last row was cut short and is left out' if series.cut else '')
+    return told + ('; the last row was cut short and was skipped' if series.cut else '')
 
 
 def guessed(names: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:

@@ -23,7 +23,7 @@ _CAUSES = {
     Cause.DISABLED: 'disabled',
     Cause.NOT_FOLLOWED: 'the inner loop is not in control',
     Cause.REFERENCE_TIMEOUT: 'no valid reference',
-    Cause.STALLED: 'no nearer to the reference at a limit of the command, until enabled anew',
+    Cause.STALLED: 'no nearer to the reference at a limit of the command, until enabled again',
     Cause.MEASUREMENT_TIMEOUT: 'no valid measurement',
 }
 _STATES = {

@@ -170,7 +170,7 @@ def _judge(node: Node, heard: Heard, topic: str, wired: bool) -> None:
     full = node.resolve_topic_name(topic)
     heard.who = publishers(node, full)
     if heard.times:
-        heard.wrong = '' if heard.value == heard.value else 'it is no number (nan)'
+        heard.wrong = '' if heard.value == heard.value else 'it is NaN'
     elif heard.wrong:
         return
     elif heard.source is not None and heard.source.absent:

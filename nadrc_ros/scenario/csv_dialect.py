@@ -99,7 +99,7 @@ def dialect_of(text: str) -> Dialect:
     if separator == ',' and last > 1 and width == 2 * last:
         raise UserError(
             f'{last} names and {width} numbers in a row: commas between cells and within numbers '
-            'cannot be told apart'
+            'cannot be distinguished'
         )
     # a comment with fewer cells is a remark
     names, units = _heading([e[1] for e in above if e in plain or len(e[1]) == width], width)

@@ -155,7 +155,7 @@ class CsvFile(Dialect):
         try:
             return float(cell.replace(',', '.') if self.takes_comma else cell)
         except ValueError:
-            raise UserError(f'line {line}: {name} = {cell!r} is no number') from None
+            raise UserError(f'line {line}: {name} = {cell!r} is not a number') from None
 
     def _times(self, name: str, cells: list[str], lines: list[int], scale: float) -> Array:
         if cells and _is_date(cells[0]):

@@ -66,7 +66,7 @@ def _table(path: str, changed: int, size: int, wanted: CsvColumn) -> Table:
     values = series.columns[wanted.column]
     there = ~np.isnan(values)  # an empty cell is nan
     if not there.any():
-        raise UserError(f'{wanted.column}: there is no number in it')
+        raise UserError(f'{wanted.column}: it has no numbers in it')
     large = np.flatnonzero(np.abs(values) > HIGHEST)
     if large.size:
         raise UserError(

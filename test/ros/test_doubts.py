@@ -193,7 +193,7 @@ def test_a_sensor_too_slow_for_the_timeouts_is_told_with_what_would_do(
     settings: dict[str, Any], short: str
 ) -> None:
     said = Loop(**settings).run(8, lambda t: 0.0, every=100)
-    assert f'measurements come every 1 s, too seldom for {short}: 3 s would do' in said
+    assert f'measurements come every 1 s, too rarely for {short}: 3 s would do' in said
     assert Loop(measurement_timeout=3.0, max_dt=3.0).run(8, lambda t: 0.0, every=100) == ''
 
 

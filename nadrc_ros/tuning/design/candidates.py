@@ -196,7 +196,8 @@ def _limit(wanted: Requirements, one: Candidate, more: Candidate) -> str:
     below = better_below(wanted, one, more)
     if below == inf:
         return ''
-    return f' {_WORDS[more.levels].capitalize()} are better below {below:.3g} rad/s only.'
+    helpful = _WORDS[more.levels].capitalize()
+    return f' {helpful} help only against disturbances below {below:.3g} rad/s.'
 
 
 def _nested(found: Sequence[Candidate]) -> list[Candidate]:

@@ -60,8 +60,8 @@ class FirstDesign:
         step, load = reference_step(wanted), wanted.load
         rules = [
             f'controller bandwidth wc = {wc:.4g} rad/s: {settling_factor(wanted.order):.4g} / '
-            f'settling time{held}, exact for (s + wc)^{wanted.order} (Gao 2003; by thumb 4 or 6 / '
-            'settling time for order 1 or 2, Herbst 2013)',
+            f'settling time{held}, exact for (s + wc)^{wanted.order} (Gao 2003; rule of '
+            'thumb: 4 or 6 / settling time for order 1 or 2, Herbst 2013)',
             f'one observer w = {w:.4g} rad/s, set by {one.decided_by}: {w / wc:.3g} wc (3 to 10, '
             f'Herbst 2013), w / rate = {w * wanted.period:.3g} (at most {LARGEST_W_H:g})',
             'more observers: as fast as the same noise of the command allows',

@@ -96,8 +96,8 @@ def identify(log: Log, order: int | None = None) -> Plant:
     closed = not log.reference_moves and not is_open(log, chosen)
     if closed and log.reference_known:
         raise RecordingError(
-            f'the reference stands at {log.reference[0]:g}: what the command does cannot be told '
-            f'from what the disturbance does that it answers: {ADVICE}'
+            f'the reference stands at {log.reference[0]:g}: the effect of the command cannot be '
+            f'separated from that of the disturbance to which it responds: {ADVICE}'
         )
     # As if the order had been given: what other orders had to leave out for their delays counts.
     log = with_room(log, delayed[chosen.form.order])
@@ -109,8 +109,9 @@ def identify(log: Log, order: int | None = None) -> Plant:
     b0 = or_dry(log, chosen, fits, b0)
     if not b0.half_width <= _WIDEST:
         raise RecordingError(
-            f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command moves too little '
-            f'that the disturbance does not, or the noise is coloured, as behind a filter: {asked}'
+            f'b0 may be anything from {b0.low:.3g} to {b0.high:.3g}: the command hardly moves '
+            'independently of the disturbance, or the noise is colored, as behind a filter: '
+            f'{asked}'
         )
     best = min(fit.innovation for fit in fits)
     top = estimates[chosen.form.order]
@@ -215,8 +216,8 @@ def _doubts(log: Log, b0: Estimate, closed: bool) -> list[str]:
         )
     elif log.reference_moves and is_one_sine(log.reference):
         doubts.append(
-            'the reference is one sine: stiffness, and a disturbance of nearly that frequency, '
-            'cannot be told from b0; a chirp or a square tells more'
+            'the reference is a single sine: stiffness, or a disturbance of nearly that '
+            'frequency, cannot be distinguished from b0; record a chirp or a square'
         )
     if b0.half_width > _WIDE:
         doubts.append(f'the interval is wide, +-{100 * b0.half_width:.0f} %: {ADVICE}')

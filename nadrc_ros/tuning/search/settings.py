@@ -89,12 +89,14 @@ class TuneSettings:
         1.0,
         1e3,
         '',
-        'the loop stays stable with the plant gain times and through this',
+        'stable if the plant gain is multiplied or divided by this',
     )
     modulus_margin: float = number(
         LEAST_MODULUS, 0.0, 1.0, '', 'least distance of the loop from -1'
     )
-    delay_margin: float = number(LEAST_DELAY, 0.0, 1e6, 'periods', 'least delay that destabilises')
+    delay_margin: float = number(
+        LEAST_DELAY, 0.0, 1e6, 'periods', 'shortest delay that may make the loop unstable'
+    )
     largest_wh: float = number(LARGEST_W_H, 1e-6, 10.0, '', 'largest bandwidth times period')
     peak: float = number(
         0.0, 0.0, HIGHEST, 'command unit', 'largest |command|; 0 = that of the limits alone'
