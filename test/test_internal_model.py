@@ -340,6 +340,7 @@ def test_what_makes_no_sense_is_refused() -> None:
         with pytest.raises(SettingError) as caught:
             ControllerSettings(**values)
         assert caught.value.name == name
+        assert f'{name} = [' in str(caught.value)  # as it is written
     for poles in ((-1.0, 0.0), (-1.0,)):
         ControllerSettings(plant_poles=poles, measurement_period=2.0 * pi)
     fast = ControllerSettings(plant_poles=(-200.0, 0.0), disturbance_frequencies=(157.0, 0.0))

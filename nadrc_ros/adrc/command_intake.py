@@ -60,24 +60,24 @@ class CommandIntake:
         A report is of a command that is older than our last one, by its ``age`` [s]. What we sent
         meanwhile spans a range: where the report is within, nothing but us is known to act, and
         where it is beyond, what acts may have moved as far as we did. It is of another's command
-        if we sent none that is equal, as a number of single precision. Without a report (an age of
-        nan) nothing is known: nan.
+        if we sent none that is equal, as a number of single precision.
         """
-        if not age >= 0.0:
-            return nan, False
+        if _same(sent, applied):
+            return sent, False
         low = high = sent
-        foreign, since = not _same(sent, applied), 0.0
+        since = 0.0
         for command, time in reversed(self._ours):  # the first one is ``sent``
             if since > age * _ROUNDING:
                 break
+            if _same(command, applied):
+                return sent, False
             low, high = min(low, command), max(high, command)
-            foreign = foreign and not _same(command, applied)
             since += time
         if applied < low:
-            return applied + (sent - low), foreign
+            return applied + (sent - low), True
         if applied > high:
-            return applied - (high - sent), foreign
-        return sent, foreign
+            return applied - (high - sent), True
+        return sent, True
 
     def feed_forward(
         self, given: float | None, before: float, rate_limit: float, elapsed: float

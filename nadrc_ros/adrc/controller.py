@@ -153,7 +153,9 @@ class Controller:
         if self.inner is not None:
             applied, followed = self.inner.realised(sent)
         applied, applied_age = self.commands.applied(applied, applied_age, elapsed, sent)
-        downstream, foreign = self.commands.compare(applied, applied_age, sent)
+        downstream, foreign = nan, False
+        if applied_age >= 0.0:  # by a report
+            downstream, foreign = self.commands.compare(applied, applied_age, sent)
         if gain_variable == gain_variable:
             self.take_gain_variable(gain_variable)
         fed = self.state.offset[2]

@@ -28,7 +28,10 @@ class SettingError(UserError):
         self.allowed = allowed
 
     def __str__(self) -> str:
-        return f'{self.name} = {self.value!r}: must be {self.allowed}'
+        given = (
+            list(self.value) if isinstance(self.value, tuple) else self.value
+        )  # as one writes it
+        return f'{self.name} = {given!r}: must be {self.allowed}'
 
     def inside(self, path: str) -> SettingError:
         """Return the same error with ``name`` placed below ``path``."""

@@ -316,7 +316,8 @@ class ControllerSettings:
             raise SettingError('error_deadband', self.error_deadband, allowed)
         n = self.plant_order
         if len(self.plant_poles) > n:
-            raise SettingError('plant_poles', self.plant_poles, f'a list of up to {n} entries')
+            allowed = f'a list of at most plant_order = {n} entries'
+            raise SettingError('plant_poles', self.plant_poles, allowed)
         self._check_length('fal_gains', n)
         self._check_length('fal_exponents', n)
 
