@@ -88,12 +88,16 @@ def test_the_sampled_model_is_the_plant_under_a_held_command(order: int, late: s
     np.testing.assert_allclose(predicted, y, atol=2e-3 * np.abs(y).max())
 
 
-def test_without_noise_the_estimate_is_the_gain() -> None:
-    still = loads(LAG.replace('disturbance:', '#').replace('1e-4', '1e-10'))
-    plant = identify(log_of(run_of(still)))
-    assert plant.order == 1
+@pytest.mark.parametrize('delay', (0.0, 0.037))
+def test_without_noise_the_estimate_is_the_gain(delay: float) -> None:
+    """Nor is there backlash, which only rounding would make of it."""
+    still = loads(LAG.replace('disturbance:', '#').replace('1e-4', '0'))
+    late = attrs.evolve(still, input_delay=delay)
+    plant = identify(log_of(run_of(late)))
+    assert (plant.order, plant.dry, plant.late) == (1, '', 'delay' if delay else '')
     assert plant.b0.value == pytest.approx(5.0, rel=1e-4)
     assert plant.damping.value == pytest.approx(2.0, rel=1e-3)
+    assert plant.noise < 1e-7
     # No plant is quite as its model is, however little noise there is.
     assert plant.b0.error == pytest.approx(0.005 * plant.b0.value, rel=0.02)
 

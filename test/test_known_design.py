@@ -14,20 +14,26 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.records.recorded_run import modelled
-from nadrc_ros.scenario.files import load
+from nadrc_ros.scenario.files import load, loads
 from nadrc_ros.theory.delayed import command_variance, delayed_loop
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import margins
 from nadrc_ros.theory.model import residual
 from nadrc_ros.tuning.design.candidates import candidates
 from nadrc_ros.tuning.design.first_design import expect, first_design
-from nadrc_ros.tuning.design.prediction import Prediction
-from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.design.limits import conflict
+from nadrc_ros.tuning.design.prediction import bears_wrong_poles, Prediction
+from nadrc_ros.tuning.design.requirements import Conflict, Requirements
+from nadrc_ros.tuning.identification.advice import known_dynamics
+from nadrc_ros.tuning.identification.estimate import Estimate
+from nadrc_ros.tuning.identification.identify import identify
+from nadrc_ros.tuning.identification.log import log_of
 from nadrc_ros.tuning.search.score import Judge
 from nadrc_ros.tuning.search.settings import TuneSettings
 import numpy as np
 import pytest
 from scipy import optimize
+from test_identify import LAG, run_of
 from test_internal_model import left
 from theory_helpers import LINEAR, Loop, response, simulated_stable, WIDE
 
@@ -126,6 +132,38 @@ def test_a_first_design_of_a_lagged_plant_settles_in_time() -> None:
         Requirements(rate=10.0, disturbance_frequencies=(60.0,))
 
 
+def test_a_design_says_where_it_bears_poles_that_are_wrong_by_two() -> None:
+    asked = Requirements(order=3, settling_time=2.0, rate=100.0, plant_poles=(-30.0, 0.0, 0.0))
+    found = first_design(attrs.evolve(asked, structure='nested'))
+    poles = np.array(asked.poles)
+    plants = [chain(3, 1.0, np.poly(v * poles)[:0:-1].tolist()) for v in (0.5, 2.0)]
+    half, twice = (bears_wrong_poles(found.chosen.settings, asked, v) for v in (0.5, 2.0))
+    assert half == (0.0, 0.0) < twice
+    wc = found.chosen.settings.controller_bandwidth
+    for v, stable in ((0.98 * twice[0], False), (1.02 * twice[0], True), (wc, False)):
+        loop = make_design(attrs.evolve(found.chosen.settings, controller_bandwidth=v))
+        assert (loop_growth(loop, plants[1], 0.01) < 1.0) is stable
+        assert loop_growth(loop, plants[0], 0.01) > 1.0
+    assert f'twice as fast as told, for wc from {twice[0]:.3g}' in '; '.join(found.rules)
+    assert 'be half as fast or twice as fast as told, the loop is unstable' in found.warning
+    plain = first_design(attrs.evolve(asked, structure='conventional'))
+    assert 'as told, the loop is unstable' not in plain.warning
+
+
+def test_a_vibration_behind_a_delay_is_refused_by_its_name_and_what_is_possible_is() -> None:
+    """It said that 20 s were too short, where 1.6 s settle, and that there is no settling time."""
+    slow = Requirements(
+        settling_time=100.0, rate=100.0, delay=0.02, disturbance_frequencies=(60.0,)
+    )
+    with pytest.raises(Conflict, match=r'frequencies = \(60.0,\) leaves .* at most') as caught:
+        first_design(slow)
+    possible = float(str(caught.value).rsplit('at most ', 1)[1].split()[0])
+    assert not conflict(attrs.evolve(slow, settling_time=possible))
+    assert conflict(attrs.evolve(slow, settling_time=1.05 * possible))
+    near = first_design(attrs.evolve(slow, settling_time=1.6, delay=0.1))
+    assert 'or no disturbance_frequencies' in near.warning
+
+
 @pytest.mark.parametrize('n', (1, 2))
 def test_at_equal_noise_a_plain_observer_leaves_a_thousand_times_more(n: int) -> None:
     poles, w = (-10.0, *[0.0] * (n - 1)), 30.0
@@ -183,3 +221,17 @@ def test_a_search_judges_the_margins_with_the_poles_that_are_known() -> None:
     expected = margins(design, chain(2, 20.0, [0.0, 20.0]), H)
     assert found.gain_high == pytest.approx(expected.gain_high, rel=1e-3)
     assert found.modulus == pytest.approx(expected.modulus, rel=1e-2)
+
+
+def test_a_pole_that_was_found_may_be_told_to_the_controller() -> None:
+    plant = identify(log_of(run_of(loads(LAG))), 1)
+    settings = ControllerSettings(plant_order=1, b0=5.0, controller_bandwidth=4.0)
+    said = known_dynamics(plant, settings)
+    assert 'damping may be told' in said and f'--plant-poles {-plant.damping.value:.3g}.' in said
+    for wc, w in ((40.0, 200.0), (0.2, 1.0)):  # hardly felt, and hardly seen
+        other = attrs.evolve(settings, controller_bandwidth=wc, inner_bandwidth=w)
+        assert known_dynamics(plant, other) == ''
+    late = attrs.evolve(plant, late='lag', lateness=Estimate(value=0.05, error=1e-3))
+    said = known_dynamics(late, settings)
+    assert said.startswith('The damping and the lag, here taken for a delay, may be told')
+    assert 'plant_order 2, b0 100, plant_poles [-20.0, -' in said

@@ -278,6 +278,8 @@ def _orders(plant: 'Plant') -> str:
 
 
 def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]:
+    from nadrc_ros.tuning.identification.advice import known_dynamics
+
     lines = [] if b0 is None else [_compared(plant, advice, b0)]
     best, chosen = advice.settings, advice.design.chosen
     lines.append(
@@ -292,6 +294,8 @@ def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]
         f'and with up to {1e3 * margins.delay:.3g} ms of extra delay (modulus margin '
         f'{margins.modulus:.2f}).'
     )
+    if told := known_dynamics(plant, best):
+        lines.append(told)
     return lines
 
 

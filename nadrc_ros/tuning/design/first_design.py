@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from math import ceil, copysign, floor, inf, pi
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ from nadrc_ros.tuning.design.bandwidths import (
 )
 from nadrc_ros.tuning.design.candidates import advice, advised, asked, Candidate, candidates
 from nadrc_ros.tuning.design.limits import loop_margins
+from nadrc_ros.tuning.design.prediction import bears_wrong_poles
 from nadrc_ros.tuning.design.requirements import LOAD_SHARE, Requirements, STEP_SHARE
 
 # In settling times: the start, which is bumpless and would spoil the step; the step of the
@@ -72,12 +74,35 @@ class FirstDesign:
         ]
         if wanted.delay > 0.0:
             rules.append(self._told)
+        if any(wanted.poles):
+            rules.append(self._forgives)
         if wanted.half_gain:
             rules.append(
                 'half of the observer gains act (Herbst, Hempel, Goehrt, Streif 2020; Herbst, '
                 'Hempel 2025)'
             )
         return rules
+
+    @cached_property
+    def _borne(self) -> dict[str, tuple[float, float]]:
+        """Return for which controller bandwidths poles that are wrong by two are borne."""
+        factors = {'half as fast': 0.5, 'twice as fast': 2.0}
+        settings, wanted = self.chosen.settings, self.wanted
+        return {said: bears_wrong_poles(settings, wanted, v) for said, v in factors.items()}
+
+    @property
+    def _forgives(self) -> str:
+        """Say where poles may be wrong by a factor of two."""
+        said = [
+            f'{name} as told, for wc from {low:.3g} to {high:.3g} rad/s'
+            if high
+            else f'{name} as told, for no wc'
+            for name, (low, high) in self._borne.items()
+        ]
+        return (
+            f'with the observers of {self.chosen.name} the loop is stable should the poles be '
+            f'{"; ".join(said)}'
+        )
 
     @property
     def _told(self) -> str:
@@ -102,7 +127,20 @@ class FirstDesign:
     @property
     def warning(self) -> str:
         """Say what the chosen design cannot do that one may expect of it, nothing if it can."""
-        return '; '.join(filter(None, (self._saturated, self._near)))
+        return '; '.join(filter(None, (self._saturated, self._near, self._strict)))
+
+    @property
+    def _strict(self) -> str:
+        if not any(self.wanted.poles):
+            return ''
+        wc = self.chosen.settings.controller_bandwidth
+        bad = [name for name, (low, high) in self._borne.items() if not low <= wc <= high]
+        if not bad:
+            return ''
+        return (
+            f'should the poles of the plant be {" or ".join(bad)} as told, the loop is unstable: '
+            'identify them, tell the controller of longer lags, or leave the fastest pole out'
+        )
 
     @property
     def _saturated(self) -> str:
@@ -130,6 +168,8 @@ class FirstDesign:
         if near >= LEAST_MODULUS:
             return ''
         remedy = 'a longer settling time' if self.wanted.delay else 'a faster observer'
+        if self.wanted.delay and any(self.wanted.disturbance_frequencies):
+            remedy = 'another settling time, or no disturbance_frequencies,'
         return (
             f'the loop comes within {near:.2f} of instability (modulus), and `nadrc tune` asks '
             f'for {LEAST_MODULUS:g}: {remedy} keeps farther away'

@@ -7,6 +7,7 @@ Requirements that leave no bandwidth are refused with the numbers, and what woul
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import ceil, floor, log10, pi
 from typing import NamedTuple
 
@@ -27,6 +28,7 @@ from nadrc_ros.tuning.design.bandwidths import (
     settling_factor,
 )
 from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
+import numpy as np
 
 # Observer over controller bandwidth.
 _SLOWEST_RATIO, _USUAL_RATIO, _FASTEST_RATIO = 3.0, 5.0, 10.0
@@ -38,8 +40,12 @@ _COARSE_POINTS, _MODULUS = 300, 1.02 * LEAST_MODULUS
 _BISECTIONS = 12
 # Of its distance from -1 without a delay, what a loop with one keeps that cannot have more.
 _KEPT = 0.75
-# A possible settling time is sought up to so many times the one asked for, to three digits.
-_MUCH_SLOWER, _FINE_BISECTIONS = 1e3, 22
+# What is asked for with known frequencies: beside each of them a loop may come nearer to -1 in a
+# narrow band.
+_KEPT_BESIDE = 0.5
+# A possible settling time is sought up to so many times the one asked for, to three digits; where
+# longer need not be better, also below it, in so many steps first.
+_MUCH_SLOWER, _FINE_BISECTIONS, _COARSE_STEPS, _LAST_BISECTIONS = 1e3, 22, 12, 10
 # The fastest sound loop is sought between the shortest settling time and so many times that.
 _PACES, _PACE_BISECTIONS = 1e5, 14
 # Of the settling time that is found: what is nobody's margin, as the plant is not quite that one.
@@ -173,6 +179,16 @@ def conflict(wanted: Requirements) -> Complaint | None:
     wc = controller_bandwidth(wanted)
     design = make_design(settings_of(wanted, 'conventional', 1, wc, _SLOWEST_RATIO * wc))
     if not _bears(design, wanted, wanted.delay):
+        known = wanted.disturbance_frequencies
+        if any(known) and _bears(*_without_frequencies(design, wanted), wanted.delay):
+            return Complaint(
+                'a known frequency',
+                lambda: (
+                    f'{asked} with delay = {wanted.delay:g} s and disturbance_frequencies = '
+                    f'{known} leaves the loop {_modulus(design, wanted):.2g} from instability '
+                    f'(modulus): it needs {_least_modulus(design, wanted):.2g}'
+                ),
+            )
         return Complaint(
             'the delay',
             lambda: (
@@ -201,8 +217,24 @@ def _bears(design: Design, wanted: Requirements, delay: float) -> bool:
     told, at_once = (attrs.evolve(design, input_delay=each) for each in (delay, 0.0))
     if delay == 0.0 or not robust_enough(told, late):
         return robust_enough(told, late)
-    most = _KEPT * loop_margins(at_once, wanted, 0.0, _COARSE_POINTS).modulus
-    return loop_margins(told, late, delay, _COARSE_POINTS).modulus >= min(_MODULUS, most)
+    return _modulus(told, late) >= _least_modulus(at_once, wanted)
+
+
+def _modulus(design: Design, wanted: Requirements) -> float:
+    return loop_margins(design, wanted, wanted.delay, _COARSE_POINTS).modulus
+
+
+def _least_modulus(design: Design, wanted: Requirements) -> float:
+    """Return the distance from -1 below which a loop behind a delay is refused."""
+    at_once = attrs.evolve(design, input_delay=0.0)
+    least = min(_MODULUS, _KEPT * loop_margins(at_once, wanted, 0.0, _COARSE_POINTS).modulus)
+    return _KEPT_BESIDE * least if any(wanted.disturbance_frequencies) else least
+
+
+def _without_frequencies(design: Design, wanted: Requirements) -> tuple[Design, Requirements]:
+    plain = attrs.evolve(wanted, disturbance_frequencies=(0.0,))
+    w, wc = design.bandwidths[0], design.controller_bandwidth
+    return make_design(settings_of(plain, 'conventional', 1, wc, w)), plain
 
 
 def _longest_delay(design: Design, wanted: Requirements) -> float:
@@ -214,18 +246,34 @@ def _longest_delay(design: Design, wanted: Requirements) -> float:
 
 
 def _slower(wanted: Requirements) -> str:
-    """Return the shortest settling time without a conflict, in words, rounded up."""
+    """
+    Return the shortest settling time without a conflict, in words, rounded up.
+
+    Behind a delay a known frequency needs a loop that is fast enough for it, so that the longest
+    one may be what is possible, or none with that frequency.
+    """
 
     def fails(settling: float) -> bool:
         return bool(conflict(attrs.evolve(wanted, settling_time=settling)))
 
     low = wanted.settling_time
     high = min(low * _MUCH_SLOWER, LONGEST_SETTLING)
-    if fails(high):
-        return f'no settling time up to {high:g} s'
-    shortest = largest(fails, low, high, _FINE_BISECTIONS)
-    digit = 10.0 ** (floor(log10(shortest)) - 2)
-    return f'a settling time of at least {ceil(shortest / digit * (1.0 + 1e-9)) * digit:.4g} s'
+    known = any(wanted.disturbance_frequencies) and wanted.delay > 0.0
+    upward = [*np.geomspace(low, high, _COARSE_STEPS)] if known else [low, high]
+    for before, longer in pairwise(upward):
+        if not fails(longer):
+            shortest = largest(fails, before, longer, _FINE_BISECTIONS)
+            digit = 10.0 ** (floor(log10(shortest)) - 2)
+            rounded = ceil(shortest / digit * (1.0 + 1e-9)) * digit
+            return f'a settling time of at least {rounded:.4g} s'
+    if known:
+        down = [*np.geomspace(low, low / _MUCH_SLOWER, _COARSE_STEPS)]
+        for before, shorter in pairwise(down):
+            if not fails(shorter):
+                longest = largest(lambda t: not fails(t), shorter, before, _LAST_BISECTIONS)
+                return f'a settling time of at most {readable(longest):.4g} s'
+        return 'no settling time with these frequencies: leave them out'
+    return f'no settling time up to {high:g} s'
 
 
 def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
@@ -238,13 +286,24 @@ def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
     ratio = _FASTEST_RATIO if wanted.command_noise > 0.0 else _USUAL_RATIO
     w, decided_by = ratio * wc, 'the rule of thumb'
 
-    def holding(test: Test) -> Callable[[float], bool]:
-        return lambda v: test(make_design(settings_of(wanted, 'conventional', 1, wc, v)), wanted)
+    def design(v: float) -> Design:
+        return make_design(settings_of(wanted, 'conventional', 1, wc, v))
 
+    def holding(test: Test) -> Callable[[float], bool]:
+        return lambda v: test(design(v), wanted)
+
+    slowest = _SLOWEST_RATIO * wc
     for name, test in LIMITS.items():
         holds = holding(test)
-        if not holds(w) and holds(_SLOWEST_RATIO * wc):
-            w, decided_by = largest(holds, _SLOWEST_RATIO * wc, w), name
+        if holds(w):
+            continue
+        nearer = test is far_enough and _modulus(design(w), wanted) < _modulus(
+            design(slowest), wanted
+        )
+        if holds(slowest):
+            w, decided_by = largest(holds, slowest, w), name
+        elif nearer:
+            w, decided_by = slowest, name
     return settings_of(wanted, 'conventional', 1, wc, readable(w)), decided_by
 
 

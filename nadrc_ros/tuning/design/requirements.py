@@ -81,7 +81,12 @@ class Requirements:
         'size of the disturbance to expect; 0 = what a tenth of command_limit cancels',
     )
     disturbance_frequency: float = number(
-        0.0, 0.0, FASTEST, 'rad/s', 'highest frequency of the disturbance; 0 = a step'
+        0.0,
+        0.0,
+        FASTEST,
+        'rad/s',
+        'designs are compared by the largest error under sines up to this frequency; 0 = by that '
+        'under a step. The controller does not get it (see disturbance_frequencies)',
     )
     reference_step: float = number(
         0.0,
@@ -108,7 +113,12 @@ class Requirements:
         'known real poles of the plant; 0, and one that is left out = an integrator',
     )
     disturbance_frequencies: tuple[float, ...] = numbers(
-        (0.0,), 0.0, FASTEST, 'rad/s', 'known frequencies of the disturbance, up to 3; 0 = none'
+        (0.0,),
+        0.0,
+        FASTEST,
+        'rad/s',
+        'frequencies of known vibrations, up to 3, of which the observers get a model; 0 = none '
+        '(disturbance_frequency only compares designs)',
     )
     half_gain: bool = flag(False, 'let half of the observer gains act (half-gain tuning)')
 

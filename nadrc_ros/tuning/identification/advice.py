@@ -179,6 +179,34 @@ def limits_of(log: Log, running: ControllerSettings | None) -> tuple[float, floa
     )
 
 
+def known_dynamics(plant: Plant, settings: ControllerSettings) -> str:
+    """
+    Say what to set for the controller to know of the damping and the lag that were found.
+
+    Nothing where it is not worth it: a pole slower than a tenth of the controller bandwidth is
+    rejected as a disturbance is, one that is faster than the observer is hardly seen.
+    """
+    order, b0, poles = plant.order, settings.b0, [0.0] * plant.order
+    slowest, fastest = 0.1 * settings.controller_bandwidth, settings.inner_bandwidth
+    found = []
+    if plant.damping.low > 0.0 and slowest < plant.damping.value < fastest:
+        found.append('damping')
+        poles[0] = -rounded(plant.damping.value, 3)
+    if plant.late == 'lag' and plant.lateness is not None and plant.lateness.low > 0.0:
+        pole = rounded(1.0 / plant.lateness.value, 3)
+        if slowest < pole < fastest:
+            found.append('lag, here taken for a delay,')
+            order, b0, poles = order + 1, rounded(b0 * pole), [-pole, *poles]
+    if not found:
+        return ''
+    told = [f'--plant-poles {p:g}' for p in poles]
+    return (
+        f'The {" and the ".join(found)} may be told to the controller: plant_order {order}, '
+        f'b0 {b0:g}, plant_poles {poles}; '
+        f'for a design with them: --order {order} --b0 {b0:g} {" ".join(told)}.'
+    )
+
+
 def delay_of(plant: Plant) -> float:
     """Return the lateness [s]: that of the scenario to go on from, and of its controller."""
     return max(rounded(plant.lateness.value), 0.0) if plant.lateness else 0.0

@@ -44,6 +44,9 @@ _WIDEST, _WIDE = 0.5, 0.2
 _DOUBTFUL_DEVIATIONS = 3.0
 # A model with dry friction or backlash may be that much worse and yet be true.
 _TENABLE = 1.03
+# Noise that every sensor has, as a share of how far the output moves: of a simulation without any
+# the models would differ by rounding alone, of which the most complicated one makes the least.
+_LEAST_NOISE = 1e-5
 # What follows from the reference alone must predict about as well as what fits best.
 _STALLED = 1.2
 
@@ -90,6 +93,8 @@ def identify(log: Log, order: int | None = None) -> Plant:
 
     """
     orders = (order,) if order else _ORDERS
+    noise = noise_deviation(log.measurement)
+    log = with_noise(log, noise)
     log, delayed = explored(with_ways(log), orders)
     fits = [fit for n in orders for fit in candidates(log, n, delayed[n], order is None)]
     chosen = simplest(fits)
@@ -122,7 +127,7 @@ def identify(log: Log, order: int | None = None) -> Plant:
         late=late,
         lateness=total(estimates[1 + chosen.form.order :]),
         dry=chosen.form.dry,
-        noise=min(noise_deviation(log.measurement), deviation(log, refined, chosen.bandwidth)),
+        noise=min(noise, deviation(log, refined, chosen.bandwidth)),
         disturbance_bandwidth=chosen.bandwidth,
         unexplained={
             n: min(fit.innovation for fit in fits if fit.form.order == n) / best
@@ -133,6 +138,15 @@ def identify(log: Log, order: int | None = None) -> Plant:
         period=log.h,
         doubts=tuple(_doubts(log, b0, closed)),
     )
+
+
+def with_noise(log: Log, noise: float) -> Log:
+    """Return the log with the least noise that a sensor has, where its own is less."""
+    least = _LEAST_NOISE * float(np.std(log.measurement))
+    if noise >= least:
+        return log
+    added = np.random.Generator(np.random.PCG64(0)).standard_normal(len(log.measurement))
+    return attrs.evolve(log, measurement=log.measurement + least * added)
 
 
 def in_the_best_band(log: Log, chosen: Fit, asked: str = ADVICE) -> tuple[Fit, list[Estimate]]:
