@@ -15,9 +15,11 @@ import sys
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from nadrc_ros.cli.design import loops
+from nadrc_ros.records.recorded_run import RecordedRun
+from nadrc_ros.records.simulated import recorded
 from nadrc_ros.report.bode import draw_bode
-from nadrc_ros.report.marks import retune_marks, title_of
-from nadrc_ros.report.picture import draw, turning
+from nadrc_ros.report.marks import title_of
+from nadrc_ros.report.picture import draw, turning, unit
 from nadrc_ros.report.roles import looks, REFERENCE
 from nadrc_ros.report.style import render, STYLE
 from nadrc_ros.scenario.files import find_scenario, load
@@ -45,11 +47,17 @@ NAMES = ('demo', 'choosing', *PAGES)
 _SIMPLIFIED = 0.25
 
 
+def runs_of(path: Path) -> dict[str, RecordedRun]:
+    """Return the runs of the controllers of a scenario, by name."""
+    scenario = load(path)
+    names = scenario.controllers
+    return {name: recorded(path, scenario, name, scenario.run(name)) for name in names}
+
+
 def demo() -> Figure:
     """Return the picture of the README: what `nadrc simulate demo --plot` draws."""
-    scenario = load(find_scenario('demo'))
-    results = {name: scenario.run(name) for name in scenario.controllers}
-    return draw(results, title_of('demo', scenario), retune_marks(scenario))
+    path = find_scenario('demo')
+    return draw(runs_of(path), title_of('demo', load(path)))
 
 
 def choosing() -> Figure:
@@ -64,20 +72,19 @@ def choosing() -> Figure:
 
 def feature(page: str) -> Figure:
     """Return the picture of the page on a feature."""
-    scenario, window = load(SCENARIOS / f'{page}.yaml'), PAGES[page]
-    results = {name: scenario.run(name) for name in scenario.controllers}
+    runs, window = runs_of(SCENARIOS / f'{page}.yaml'), PAGES[page]
     with rc_context(STYLE):
         figure = Figure(figsize=(8.0, 4.2), layout='constrained')
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        first = next(iter(results.values()))
+        first = next(iter(runs.values()))
         dashed = {'color': REFERENCE, 'linestyle': '--', 'label': 'reference'}
         above.plot(first.time, turning(first)['reference'], **dashed)
-        for name, look in looks(results).items():
-            result, line = results[name], {'color': look.colour, 'linestyle': look.dash}
-            above.plot(result.time, result.output, label=name.replace('_', ' '), **line)
-            below.step(result.time, result.command, where='post', **line)
-        above.set_title('output y and reference r')
-        below.set_title('command u')
+        for name, look in looks(runs).items():
+            run, line = runs[name], {'color': look.colour, 'linestyle': look.dash}
+            above.plot(run.time, run.output, label=name.replace('_', ' '), **line)
+            below.step(run.time, run.command, where='post', **line)
+        above.set_title('output y and reference r' + unit(runs, 'output'))
+        below.set_title('command u' + unit(runs, 'command'))
         below.set_xlabel('time [s]')
         below.set_xlim(window)
         for axes in (above, below):

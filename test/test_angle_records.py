@@ -14,6 +14,7 @@ from nadrc_ros.records.history import about_figures, append_parameters, History,
 from nadrc_ros.records.read_run import read_run
 from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.records.rows import Rows
+from nadrc_ros.records.simulated import recorded as as_recorded
 from nadrc_ros.report.picture import draw
 from nadrc_ros.report.traces import trace_of
 from nadrc_ros.scenario import loads
@@ -88,7 +89,8 @@ def test_a_recorded_angle_is_read_with_short_errors_and_drawn_as_it_turned(tmp_p
 def test_a_simulated_angle_is_drawn_as_it_turned() -> None:
     scenario = loads(SCENARIO)
     result = scenario.run('angle')
-    lines = draw({'angle': result}, 'title').axes[0].get_lines()[:2]
+    drawn = as_recorded(Path('it'), scenario, 'angle', result)
+    lines = draw({'angle': drawn}, 'title').axes[0].get_lines()[:2]
     output, reference = (np.asarray(line.get_ydata(), dtype=float) for line in lines)
     np.testing.assert_allclose(output, result.output)
     assert abs(reference - output).max() <= 180.0 + 1e-9

@@ -12,13 +12,15 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
+import attrs
 from nadrc_ros.atomic import write_whole
 from nadrc_ros.cli.app import app
-from nadrc_ros.report.marks import Mark
+from nadrc_ros.records.simulated import recorded
 from nadrc_ros.report.picture import draw
 from nadrc_ros.report.style import render
 from nadrc_ros.scenario import find_scenario, load
 from nadrc_ros.scenario.mapping import from_mapping
+from nadrc_ros.scenario.units import Units
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -282,23 +284,25 @@ DRAWN = ['time', 'reference', 'output', 'command', 'disturbance_estimate', 'tota
 def flat(**columns: Any) -> Any:
     zeros = np.zeros_like(columns['time'])
     drawn = {name: np.array(columns.get(name, zeros)) for name in DRAWN}
-    return SimpleNamespace(**drawn, measurement_period=0.0)
+    return SimpleNamespace(**drawn, measurement_period=0.0, changes=[], unit=lambda _: '')
 
 
 def test_a_picture_has_a_row_for_each_signal_and_each_controller() -> None:
     scenario = load(find_scenario('demo')).changed(duration=3)
-    traces = {name: scenario.run(name) for name in scenario.controllers}
-    figure = draw(traces, 'title', [Mark(1.0, 'here')])
+    scenario = attrs.evolve(scenario, units=Units(output='rad', command='V'))
+    results = {name: scenario.run(name) for name in scenario.controllers}
+    traces = {name: recorded(Path(name), scenario, name, each) for name, each in results.items()}
+    figure = draw(traces, 'title')
     titles = [axis.get_title('left') for axis in figure.axes]
     assert [title.split('  ')[0] for title in titles] == [
-        'output y and reference r',
-        'tracking error r − y',
-        'command u',
-        'total disturbance and its estimate: conventional',
-        'total disturbance and its estimate: nested',
+        'output y and reference r [rad]',
+        'tracking error r − y [rad]',
+        'command u [V]',
+        'total disturbance and its estimate: conventional [rad/s²]',
+        'total disturbance and its estimate: nested [rad/s²]',
     ]
     drawn = figure.axes[1].get_lines()[0].get_ydata()
-    assert any(np.array_equal(drawn, t.reference - t.output) for t in traces.values())
+    assert any(np.array_equal(drawn, t.reference - t.output) for t in results.values())
     estimate, truth = figure.axes[4].get_lines()[:2]
     assert np.array_equal(estimate.get_ydata(), traces['nested'].disturbance_estimate)
     assert np.array_equal(truth.get_ydata(), traces['nested'].total_disturbance)

@@ -11,8 +11,8 @@ from typing import Any
 
 from figure_helpers import flaws
 from matplotlib.figure import Figure
+from nadrc_ros.records.history import Change
 from nadrc_ros.report.bode import draw_bode, Loop
-from nadrc_ros.report.marks import Mark
 from nadrc_ros.report.picture import draw
 from nadrc_ros.report.style import plain_log_ticks, render
 from nadrc_ros.tuning.search import picture as front
@@ -24,7 +24,7 @@ DOCS = Path(__file__).resolve().parents[1] / 'docs'
 sys.path.insert(0, str(DOCS))
 pictures: Any = import_module('pictures')
 TIME = np.linspace(0.0, 9.9, 100)
-LABEL = 'inner_bandwidth 20, controller_bandwidth 4, command_rate_limit 500, feedback_level outer'
+LONG = ('inner_bandwidth', 'controller_bandwidth', 'command_rate_limit', 'observer_gain_factor')
 
 
 def trace(k: int, scale: float, known: bool) -> Any:
@@ -37,6 +37,8 @@ def trace(k: int, scale: float, known: bool) -> Any:
         disturbance_estimate=wave,
         total_disturbance=wave + 1.0 if known else np.full(100, np.nan),
         measurement_period=0.0,
+        changes=[],
+        unit=lambda column: 'V' if column == 'command' else 'm/s',
     )
 
 
@@ -63,18 +65,22 @@ def tuned(name: str, efforts: Any, objectives: Any, chosen: int) -> Any:
 )
 def test_the_picture_of_runs_can_be_read(count: int, known: bool, scale: float) -> None:
     names = [f'controller_{k}_of_the_$comparison' for k in range(count)]
-    marks = [Mark(0.4 * k, LABEL) for k in range(10)] + [Mark(9.0, 'b0 2'), Mark(9.1, LABEL)]
     drawn = {name: trace(k, scale, known) for k, name in enumerate(names)}
-    figure = draw(drawn, 'a title', [*marks, Mark(9.15, LABEL), Mark(9.9, 'at the end')])
+    times = [*(0.4 * k for k in range(10)), 9.0, 9.15, 9.3, 9.9]
+    drawn[names[0]].changes = [
+        Change(time, '/controller', name, 1.0, 20.0 + time) for time in times for name in LONG
+    ]
+    figure = draw(drawn, 'a title')
     assert [flaw for flaw in flaws(figure) if '$comparison' not in flaw] == []
     texts = [text.get_text() for text in figure.texts if text.get_text() != 'a title']
-    assert any(text.startswith('2 at 0.4 s: inner_bandwidth 20') for text in texts)
+    assert any(text.startswith('2 at 0.4 s: inner_bandwidth 20.4') for text in texts)
     assert texts[-1] == 'and 2 more'
     numbers = [text.get_text() for text in figure.axes[0].texts]
     assert numbers == [*map(str, range(1, 11)), '11–13', '14']
     titles = [axes.get_title('left') for axes in figure.axes]
     assert len(titles) == (4 if count > 3 else 3 + count)
-    assert ('disturbance estimate − true disturbance' in titles) == (count > 3 and known)
+    assert ('disturbance estimate − true disturbance [m/s]' in titles) == (count > 3 and known)
+    assert titles[2] == 'command u [V]'
 
 
 def test_more_than_three_controllers_share_a_panel_for_the_error_of_their_estimates() -> None:

@@ -169,12 +169,11 @@ def _write_picture(
     path: Path, name: str, scenario: 'Scenario', recorded: 'dict[str, RecordedRun]'
 ) -> None:
     from nadrc_ros.atomic import write_whole
-    from nadrc_ros.report.marks import numbered, title_of
+    from nadrc_ros.report.marks import title_of
     from nadrc_ros.report.picture import draw
     from nadrc_ros.report.style import render
 
-    marks = numbered({run: result.changes for run, result in recorded.items()})
-    figure = draw(recorded, title_of(name, scenario), [each.mark() for each in marks])
+    figure = draw(recorded, title_of(name, scenario))
     write_whole(path, render(figure, 'png'))
 
 

@@ -57,13 +57,11 @@ def report(
 
 def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:
     from nadrc_ros.atomic import write_whole
-    from nadrc_ros.report.marks import numbered
     from nadrc_ros.report.picture import draw
     from nadrc_ros.report.style import render
     from nadrc_ros.report.summary import title_of
 
-    marks = [each.mark() for each in numbered({name: run.changes for name, run in runs.items()})]
-    figure = draw(runs, title_of(runs), marks)
+    figure = draw(runs, title_of(runs))
     write_whole(path, render(figure, path.suffix.lstrip('.')))
     say(f'picture {path}')
 

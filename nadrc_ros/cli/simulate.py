@@ -7,6 +7,7 @@ from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting, tell_divergence
 
 if TYPE_CHECKING:
+    from nadrc_ros.records.recorded_run import RecordedRun
     from nadrc_ros.scenario import Scenario
     from nadrc_ros.simulation.simulate import Result
 
@@ -45,7 +46,7 @@ def simulate(
         if json is not None:
             _write_json(json, scenario, results)
         if plot is not None:
-            _write_plot(plot, path.stem, scenario, results)
+            _write_plot(plot, path, scenario, results)
         if page is not None:
             _write_page(page, path, scenario, results)
         _print_table(path.stem, scenario, results)
@@ -62,24 +63,32 @@ def _write_json(path: Path, scenario: 'Scenario', results: 'dict[str, Result]') 
     write_json(path, 'simulate', document)
 
 
-def _write_plot(path: Path, name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:
+def _write_plot(
+    plot: Path, path: Path, scenario: 'Scenario', results: 'dict[str, Result]'
+) -> None:
     from nadrc_ros.atomic import write_whole
-    from nadrc_ros.report.marks import retune_marks, title_of
+    from nadrc_ros.report.marks import title_of
     from nadrc_ros.report.picture import draw
     from nadrc_ros.report.style import render
 
-    figure = draw(results, title_of(name, scenario), retune_marks(scenario))
-    write_whole(path, render(figure, path.suffix.lstrip('.')))
+    figure = draw(_runs(path, scenario, results), title_of(path.stem, scenario))
+    write_whole(plot, render(figure, plot.suffix.lstrip('.')))
 
 
 def _write_page(
     page: Path, path: Path, scenario: 'Scenario', results: 'dict[str, Result]'
 ) -> None:
     from nadrc_ros.cli.pages import write_page
+
+    write_page(page, _runs(path, scenario, results))
+
+
+def _runs(
+    path: Path, scenario: 'Scenario', results: 'dict[str, Result]'
+) -> 'dict[str, RecordedRun]':
     from nadrc_ros.records.simulated import recorded
 
-    runs = {name: recorded(path, scenario, name, result) for name, result in results.items()}
-    write_page(page, runs)
+    return {name: recorded(path, scenario, name, result) for name, result in results.items()}
 
 
 def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') -> None:

@@ -62,14 +62,6 @@ def title_of(name: str, scenario: Scenario) -> str:
     return f'{name}: plant {plant}, {scenario.duration:g} s at {scenario.rate:g} Hz, {noise}'
 
 
-def retune_marks(scenario: Scenario) -> list[Mark]:
-    """Return a mark for each retune, which says what changed."""
-    return [
-        Mark(retune.time, ', '.join(f'{key} {_short(v)}' for key, v in retune.settings.items()))
-        for retune in scenario.retunes
-    ]
-
-
 def text_of(value: object) -> str:
     """Return the value of a parameter as text."""
     if isinstance(value, list):
@@ -91,7 +83,3 @@ def _same(one: Change, other: Change) -> bool:
         other.before,
         other.after,
     )
-
-
-def _short(value: object) -> str:
-    return f'{value:g}' if isinstance(value, float) else str(value)

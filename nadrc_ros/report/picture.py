@@ -13,14 +13,11 @@ from matplotlib.lines import Line2D
 from nadrc_ros.records.angles import unwrapped
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.curves import frame
-from nadrc_ros.report.marks import Mark
+from nadrc_ros.report.marks import Mark, numbered
 from nadrc_ros.report.roles import GREY, looks, REFERENCE, TRUTH
 from nadrc_ros.report.style import STYLE
-from nadrc_ros.simulation.simulate import Result
 import numpy as np
 
-# One controller's run, simulated or recorded.
-Drawn = Result | RecordedRun
 # More disturbance estimates share a panel.
 _MOST_APART = 3
 _THICKEST, _THINNEST = 1.8, 0.9
@@ -35,15 +32,16 @@ _REFERENCE: dict[str, Any] = {'color': REFERENCE, 'linestyle': (0, (4, 3)), 'lin
 _TRUTH: dict[str, Any] = {'color': TRUTH, 'linewidth': 0.9}
 
 
-def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) -> Figure:
+def draw(traces: Mapping[str, RecordedRun], title: str) -> Figure:
     """
     Return a figure with a row each for output, error and command, and for the disturbance.
 
     Up to three controllers have a row each for the disturbance estimate against the truth, which
     differs between them because it depends on the command; more share one for their errors. A
-    start that would make all the rest look flat runs out of its frame. Marks are numbered, and
-    listed below.
+    start that would make all the rest look flat runs out of its frame. Changes of parameters are
+    numbered, and listed below.
     """
+    marks = [each.mark() for each in numbered({name: t.changes for name, t in traces.items()})]
     with rc_context(STYLE):
         together = len(traces) > _MOST_APART
         heights = [1.0, _ERROR_ROW, 1.0, *[1.0] * (1 if together else len(traces))]
@@ -98,7 +96,7 @@ def draw(traces: Mapping[str, Drawn], title: str, marks: Sequence[Mark] = ()) ->
     return figure
 
 
-def _draw_signals(axes: Sequence[Any], traces: Mapping[str, Drawn], styles: Any) -> None:
+def _draw_signals(axes: Sequence[Any], traces: Mapping[str, RecordedRun], styles: Any) -> None:
     lines = {name: turning(trace) for name, trace in traces.items()}
     errors = {name: line['reference'] - line['output'] for name, line in lines.items()}
     busiest_first = sorted(traces, key=lambda name: -_variation(traces[name]))
@@ -110,24 +108,24 @@ def _draw_signals(axes: Sequence[Any], traces: Mapping[str, Drawn], styles: Any)
         axes[2].step(trace.time, trace.command, where='post', **look)
     first, line = next(iter(traces.values())), next(iter(lines.values()))
     axes[0].plot(first.time, line['reference'], **_REFERENCE)
-    axes[0].set_title('output y and reference r')
-    axes[1].set_title('tracking error r − y')
-    axes[2].set_title('command u')
+    axes[0].set_title('output y and reference r' + unit(traces, 'output'))
+    axes[1].set_title('tracking error r − y' + unit(traces, 'output'))
+    axes[2].set_title('command u' + unit(traces, 'command'))
     _frame(axes[1], [(t.time, errors[name]) for name, t in traces.items()])
     _frame(axes[2], [(t.time, t.command) for t in traces.values()])
 
 
-def _draw_apart(axes: Sequence[Any], traces: Mapping[str, Drawn], styles: Any) -> None:
+def _draw_apart(axes: Sequence[Any], traces: Mapping[str, RecordedRun], styles: Any) -> None:
     truths = [(t.time, t.total_disturbance) for t in traces.values()]
     estimates = [(t.time, t.disturbance_estimate) for t in traces.values()]
     for axis, (name, trace) in zip(axes, traces.items()):
         axis.plot(trace.time, trace.disturbance_estimate, color=styles[name].colour)
         axis.plot(trace.time, trace.total_disturbance, **_TRUTH)
-        axis.set_title(f'total disturbance and its estimate: {name}')
+        axis.set_title(f'total disturbance and its estimate: {name}' + unit(traces, 'truth'))
         _frame(axis, truths + estimates)
 
 
-def _draw_together(axis: Any, traces: Mapping[str, Drawn], styles: Any) -> None:
+def _draw_together(axis: Any, traces: Mapping[str, RecordedRun], styles: Any) -> None:
     """Draw how far the estimates are off, or the estimates where nobody knows the truth."""
     known = any(np.isfinite(t.total_disturbance).any() for t in traces.values())
     lines = {
@@ -136,15 +134,23 @@ def _draw_together(axis: Any, traces: Mapping[str, Drawn], styles: Any) -> None:
     }
     for name, line in lines.items():
         axis.plot(*line, **_look(styles[name], _THINNEST))
-    axis.set_title('disturbance estimate' + (' − true disturbance' if known else ''))
+    of = ' − true disturbance' if known else ''
+    axis.set_title(f'disturbance estimate{of}' + unit(traces, 'truth'))
     _frame(axis, list(lines.values()))
+
+
+def unit(traces: Mapping[str, RecordedRun], column: str) -> str:
+    """Return the unit of a signal as a title ends with it, '' if they have none in common."""
+    units = {trace.unit(column) for trace in traces.values()}
+    common = units.pop() if len(units) == 1 else ''
+    return f' [{common}]' if common else ''
 
 
 def _look(style: Any, width: float) -> dict[str, Any]:
     return {'color': style.colour, 'linestyle': style.dash, 'linewidth': width}
 
 
-def turning(trace: Drawn) -> dict[str, Array]:
+def turning(trace: RecordedRun) -> dict[str, Array]:
     """Return output and reference; of an angle they go on where it wraps."""
     columns = {'output': trace.output, 'reference': trace.reference}
     return unwrapped(columns | {'measurement': trace.output}, trace.measurement_period)
@@ -158,11 +164,11 @@ def _frame(axis: Any, lines: Sequence[tuple[Array, Array]]) -> None:
         axis.set_title(axis.get_title('left') + '  (the start is cut off)')
 
 
-def _variation(trace: Drawn) -> float:
+def _variation(trace: RecordedRun) -> float:
     return float(np.nansum(np.abs(np.diff(trace.command))))
 
 
-def _span(traces: Mapping[str, Drawn]) -> tuple[float, float]:
+def _span(traces: Mapping[str, RecordedRun]) -> tuple[float, float]:
     times = np.concatenate([trace.time for trace in traces.values()])
     low, high = float(times.min()), float(times.max())
     return low, high if high > low else low + 1.0
