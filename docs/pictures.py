@@ -44,7 +44,7 @@ PAGES: dict[str, tuple[float, float]] = {
 }
 NAMES = ('demo', 'choosing', *PAGES)
 # Detail of a line that is left out [px]: nobody sees it, and files are smaller.
-_SIMPLIFIED = 0.25
+_SIMPLIFIED = 0.15
 
 
 def runs_of(path: Path) -> dict[str, RecordedRun]:

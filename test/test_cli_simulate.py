@@ -303,7 +303,7 @@ def test_a_picture_has_a_row_for_each_signal_and_each_controller() -> None:
     ]
     drawn = figure.axes[1].get_lines()[0].get_ydata()
     assert any(np.array_equal(drawn, t.reference - t.output) for t in results.values())
-    estimate, truth = figure.axes[4].get_lines()[:2]
+    truth, estimate = figure.axes[4].get_lines()[:2]
     assert np.array_equal(estimate.get_ydata(), traces['nested'].disturbance_estimate)
     assert np.array_equal(truth.get_ydata(), traces['nested'].total_disturbance)
 

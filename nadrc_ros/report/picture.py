@@ -29,7 +29,7 @@ _ERROR_ROW = 1.4  # of it in rows
 _OFFSET_PAD = 7.0  # points
 _MOST_LISTED = 12
 _REFERENCE: dict[str, Any] = {'color': REFERENCE, 'linestyle': (0, (4, 3)), 'linewidth': 1.0}
-_TRUTH: dict[str, Any] = {'color': TRUTH, 'linewidth': 0.9}
+_TRUTH: dict[str, Any] = {'color': TRUTH, 'linewidth': 1.7}
 
 
 def draw(traces: Mapping[str, RecordedRun], title: str) -> Figure:
@@ -119,8 +119,8 @@ def _draw_apart(axes: Sequence[Any], traces: Mapping[str, RecordedRun], styles: 
     truths = [(t.time, t.total_disturbance) for t in traces.values()]
     estimates = [(t.time, t.disturbance_estimate) for t in traces.values()]
     for axis, (name, trace) in zip(axes, traces.items()):
-        axis.plot(trace.time, trace.disturbance_estimate, color=styles[name].colour)
         axis.plot(trace.time, trace.total_disturbance, **_TRUTH)
+        axis.plot(trace.time, trace.disturbance_estimate, **_look(styles[name], _THINNEST))
         axis.set_title(f'total disturbance and its estimate: {name}' + unit(traces, 'truth'))
         _frame(axis, truths + estimates)
 
