@@ -157,7 +157,8 @@ def _wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
         (('--vary', 'speed=1:2'), '--vary speed: there is no such key'),
         (('--vary', 'b0=2'), '--vary b0 = '),
         (('--b0-spread', 'much'), '--b0-spread = '),
-        (('--plant', 'mass=1:2'), 'mass'),
+        (('--plant', 'mass=1:2'), '--plant mass: there is no such key'),
+        (('--controller', 'nestd'), 'did you mean nested?'),
         (('--budget', '-3'), '--budget = '),
         (('--sampler', 'bfo'), '--sampler = '),
         (('--sampler', 'pso'), 'nsga2 without a budget'),
@@ -172,6 +173,16 @@ def test_nonsense_is_one_line(
     assert done.exit_code == 1
     lines = [line for line in done.output.splitlines() if 'retune' not in line]
     assert len(lines) == 1 and lines[0].startswith('error: ') and said in lines[0]
+
+
+@pytest.mark.parametrize('content', ['trails: 4', 'trials: 0', 'trials: ['])
+def test_an_error_in_a_file_of_options_names_the_file(
+    content: str, file: Path, tmp_path: Path
+) -> None:
+    settings = tmp_path / 'tune.yaml'
+    settings.write_text(content)
+    done = nadrc(file, '--settings', settings, '--out', tmp_path / 'out')
+    assert done.exit_code == 1 and f'error: {settings}: ' in done.output
 
 
 def test_options_may_come_from_a_file(file: Path, tmp_path: Path) -> None:

@@ -287,7 +287,7 @@ def cut_short(path: Path) -> tuple[Path, dict[str, str]]:
         (empty_folder, 'neither a folder with samples.csv nor a rosbag2 bag'),
         (no_file, 'there is no such file'),
         (no_command, '^no topic /command: name .* with --command; .*have /a/other, /b/effort$'),
-        (no_signal, 'measured is no signal; those are reference, measurement, command, output'),
+        (no_signal, "there is no signal 'measured': did you mean measurement"),
         (other_topic, '^no topic /states: there are /command, /measurement, /reference'),
         (near_topic, '^no topic /mesurement: did you mean /measurement?'),
         (text_topic, '/state has std_msgs/msg/String, not one number'),

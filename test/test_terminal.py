@@ -84,6 +84,8 @@ def test_help_breaks_no_word(name: str, width: int) -> None:
         (['design', '--settling-time', '-2'], '--settling-time = -2.0: must be a finite number'),
         (['simulate', 'demo', '--seed', '-2'], '--seed = -2: must be'),
         (['tune', 'demo', '--b0-spread', '1'], "--b0-spread = '1': must be low:high"),
+        (['tune', 'demo', '--isu', '-1'], '--isu = -1.0: must be above 0'),
+        (['tune', 'demo', '--choose', '1', '--isu', '3'], '--choose: it excludes --isu'),
         (['tune', 'demo', '--vary', 'b0=2'], "--vary b0 = '2': must be low:high"),
     ],
 )

@@ -7,7 +7,7 @@ from typing import Annotated, Optional, TYPE_CHECKING
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting
 from nadrc_ros.cli.messages import say
-from nadrc_ros.cli.pages import write_page
+from nadrc_ros.cli.pages import load_page, write_page
 import typer
 
 if TYPE_CHECKING:
@@ -45,14 +45,17 @@ def report(
 
     Example: nadrc report runs/20260101-120000, or nadrc report runs/A log.csv --page ab.html
     """
-    options.check_outputs(page=page, plot=plot)
+    beside = _beside(runs)
+    options.check_outputs(page=page or (beside if beside.parent.is_dir() else None), plot=plot)
     with reporting():
+        if page is not None or plot is None:
+            load_page()
         found = log.read(runs, _topics(topic or []))
         if plot is not None:
             _draw(plot, found)
             if page is None:
                 return
-        write_page(page or _beside(runs), found)
+        write_page(page or beside, found)
 
 
 def _draw(path: Path, runs: 'dict[str, RecordedRun]') -> None:

@@ -5,6 +5,7 @@ from typing import Any, TYPE_CHECKING
 
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting, tell_divergence
+from nadrc_ros.cli.progress import progress
 
 if TYPE_CHECKING:
     from nadrc_ros.records.recorded_run import RecordedRun
@@ -39,7 +40,10 @@ def simulate(
             whole, duration=duration, rate=rate, seed=seed, noise_variance=noise_variance
         )
     with reporting(file):
-        results = {name: scenario.run(name) for name in scenario.controllers}
+        results = {}
+        for name in scenario.controllers:
+            with progress(f'simulating {name}'):
+                results[name] = scenario.run(name)
         for name, result in results.items():
             if not np.isfinite(result.output).all():
                 tell_divergence(name, result.time, result.output)

@@ -48,7 +48,7 @@ def tune(
         Optional[float], typer.Option(help='Take the best design of the front up to this ISU.')
     ] = None,
     choose: Annotated[
-        Optional[int], typer.Option(help='Take this point of the front, by number.')
+        Optional[int], typer.Option(min=1, help='Take this point of the front, by number.')
     ] = None,
     storage: Annotated[
         Optional[str],
@@ -82,7 +82,13 @@ def tune(
         scenario = _bare(load(path))
     folder = out or _OUT / path.stem
     check_outputs(out=folder)
+    if isu is not None and choose is not None:
+        raise typer.BadParameter('it excludes --isu', param_hint='--choose')
     with reporting():
+        from nadrc_ros.adrc.errors import SettingError
+
+        if isu is not None and not isu > 0.0:
+            raise SettingError('isu', isu, 'above 0')
         names = _chosen(scenario, controller)
         tuning = _tuning(given, settings)
         try:
@@ -107,11 +113,11 @@ def _bare(scenario: 'Scenario') -> 'Scenario':
 
 
 def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
-    from nadrc_ros.adrc.errors import SettingError
+    from nadrc_ros.adrc.errors import one_of, SettingError
 
     for name in wanted or []:
         if name not in scenario.controllers:
-            raise SettingError('--controller', name, 'one of ' + ', '.join(scenario.controllers))
+            raise SettingError('--controller', name, one_of(name, scenario.controllers))
     names = [name for name in scenario.controllers if name in (wanted or scenario.controllers)]
     for name in names:
         if name == 'scenario':
@@ -122,7 +128,7 @@ def _chosen(scenario: 'Scenario', wanted: Optional[list[str]]) -> list[str]:
 
 
 def _tuning(given: dict[str, Any], file: Optional[Path]) -> TuneSettings:
-    from nadrc_ros.adrc.errors import SettingError
+    from nadrc_ros.adrc.errors import SettingError, UserError
     from nadrc_ros.scenario.files import read_text
     from nadrc_ros.yaml_text import read_yaml
 
@@ -131,10 +137,16 @@ def _tuning(given: dict[str, Any], file: Optional[Path]) -> TuneSettings:
             given[key] = dict(_named_range(key, text) for text in given[key])
     if 'b0_spread' in given:
         given['b0_spread'] = _range('b0_spread', given['b0_spread'])
-    content = {} if file is None else read_yaml(read_text(file))
+    with reporting(str(file or '')):
+        content = {} if file is None else read_yaml(read_text(file))
     if not isinstance(content, dict):
         raise SettingError('--settings', str(file), 'a file with a mapping of options to values')
-    return build(TuneSettings, {**content, **given})
+    try:
+        return build(TuneSettings, {**content, **given})
+    except SettingError as wrong:
+        if file is None or wrong.name.partition('.')[0] in given:
+            raise
+        raise UserError(f'{file}: {wrong}') from None
 
 
 def _named_range(key: str, text: str) -> tuple[str, Any]:

@@ -6,6 +6,7 @@ from array import array
 from collections.abc import Iterable, Mapping
 
 import attrs
+from nadrc_ros.adrc.errors import did_you_mean
 from nadrc_ros.adrc.settings import MAX_LEVELS
 from nadrc_ros.records.recording import ESTIMATES, JOINED, NEEDED, RecordingError, TRUTH
 from nadrc_ros.records.rows import Row, Rows, SECOND
@@ -46,7 +47,7 @@ class Source:
         """Refuse what is no signal."""
         for name in self.signals:
             if name not in SIGNALS:
-                raise RecordingError(f'{name} is no signal; those are {", ".join(SIGNALS)}')
+                raise RecordingError(f'there is no signal {name!r}: {did_you_mean(name, SIGNALS)}')
 
 
 def rows_of(

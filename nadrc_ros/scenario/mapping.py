@@ -281,7 +281,8 @@ def _retunes(data: Any) -> tuple[Retune, ...]:
     for i, item in enumerate(data):
         values = _mapping(item, f'retune[{i}]')
         if 'time' not in values:
-            raise ScenarioError(f'retune[{i}].time is missing')
+            there = ', '.join(map(str, values)) or 'nothing'
+            raise ScenarioError(f'retune[{i}].time is missing; there is {there}')
         time = values.pop('time')
         retunes.append(build(Retune, {'time': time, 'settings': values}, f'retune[{i}]'))
     return tuple(retunes)

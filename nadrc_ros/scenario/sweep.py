@@ -14,7 +14,7 @@ import re
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
 from nadrc_ros.adrc.fields import refuse_unknown_keys
 from nadrc_ros.scenario.files import find_scenario, read_text
 from nadrc_ros.scenario.mapping import from_mapping, refuse_other_kinds
@@ -267,8 +267,8 @@ def _known(step: Any, inside: Any, path: str, at: str) -> Any:
     there = range(len(inside)) if isinstance(inside, list) else inside
     there = there if isinstance(inside, (list, dict)) else ()
     if step not in there:
-        words = f'in {at or "the scenario"} there is {", ".join(map(str, there)) or "nothing"}'
-        raise SettingError('vary', path, f'a path in the scenario: {words}')
+        words = f'in {at or "the scenario"}: {did_you_mean(str(step), map(str, there))}'
+        raise SettingError('vary', path, f'a path in the scenario; {words}')
     return step
 
 

@@ -248,7 +248,10 @@ def corners(scenario: Scenario, tuning: TuneSettings) -> list[Corner]:
     ends = product(*([(name, end) for end in span] for name, span in tuning.plant.items()))
     found = [Corner(scenario.experiment, 1.0)]
     for values in ends:
-        spec = attrs.evolve(scenario.plant, values={**scenario.plant.values, **dict(values)})
+        try:
+            spec = attrs.evolve(scenario.plant, values={**scenario.plant.values, **dict(values)})
+        except SettingError as error:
+            raise error.inside('plant') from None
         for gain in gains:
             if values or gain != 1.0:
                 faults = _faults_with_gain(scenario.faults, gain)
