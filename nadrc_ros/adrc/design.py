@@ -93,6 +93,13 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     good_samples: int
     stall_time: float
     stall_stops: bool
+    numbers: tuple[float, ...] = attrs.field(init=False, eq=False, repr=False)
+
+    @numbers.default
+    def _all_numbers(self) -> tuple[float, ...]:
+        """Return the fields that are one number, in their order."""
+        fields = [getattr(self, field.name) for field in attrs.fields(Design) if field.init]
+        return tuple(value for value in fields if not isinstance(value, list))
 
 
 def make_design(settings: ControllerSettings) -> Design:
@@ -146,7 +153,7 @@ def make_design(settings: ControllerSettings) -> Design:
         'gain_source': gain_source(settings),
         'stall_stops': settings.stall_action == 'fault',
     }
-    names = {field.name for field in attrs.fields(Design)} - worked_out.keys()
+    names = {field.name for field in attrs.fields(Design) if field.init} - worked_out.keys()
     return Design(**{name: getattr(settings, name) for name in names}, **worked_out)
 
 

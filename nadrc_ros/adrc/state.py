@@ -8,6 +8,7 @@ rollback and a bumpless change of settings are ordinary assignments.
 from __future__ import annotations
 
 from math import inf, nan
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.delay_line import acting, blank_line, copy_line
@@ -65,6 +66,22 @@ class State:
     transition: Matrix
     foresight: Matrix
     work: Matrix
+    rows: tuple[Vector, ...] = attrs.field(init=False, eq=False, repr=False)
+
+    @rows.default
+    def _all_rows(self) -> tuple[Vector, ...]:
+        """Return all vectors in the order of the fields, a matrix row by row."""
+        return rows_of(self)
+
+
+def rows_of(thing: Any) -> tuple[Vector, ...]:
+    """Return the vectors among the fields of something, a matrix row by row."""
+    rows: list[Vector] = []
+    for field in attrs.fields(type(thing)):
+        value = getattr(thing, field.name, None) if field.init else None
+        if isinstance(value, list):
+            rows += value if value and isinstance(value[0], list) else [value]
+    return tuple(rows)
 
 
 def blank_state(design: Design) -> State:

@@ -256,6 +256,7 @@ def tuple_of(thing: Design | State) -> Any:
     values = {
         field.name: _array_of(getattr(thing, field.name), field.name in ('reach', 'sizes'))
         for field in attrs.fields(type(thing))
+        if field.init
     }
     return _fields('Fields(' + ' '.join(values) + ')')(**values)
 

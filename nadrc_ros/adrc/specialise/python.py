@@ -1,0 +1,152 @@
+"""
+The law for one shape of design as straight-line Python: the same bits in less time.
+
+All numbers stay variables: a live change of a bandwidth goes on with the same code.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import lru_cache
+import math
+from pathlib import PurePath
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc import angle, deadband, delay_line, gain, internal_model, law, state, tick
+from nadrc_ros.adrc import transfer
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.specialise.program import Program, shape_of
+from nadrc_ros.adrc.specialise.values import load, store
+from nadrc_ros.adrc.state import blank_state, State
+
+# What is rare is called as it is: it would be evaluated for nothing.
+RARE = frozenset(
+    (
+        *(law._refuse, law._restart, internal_model.update_known, deadband.mind_deadband),
+        *(gain.follow_gain, delay_line.pass_through, angle.receive, angle.recentre),
+        *(tick._take_over, tick._without_sample, state.start, transfer.adopt_reference),
+    )
+)
+_KEPT_READY = 64
+_MATHEMATICS = ('exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign', 'isfinite', 'isnan')
+_SCOPE = {name: getattr(math, name) for name in (*_MATHEMATICS, 'nan', 'inf')}
+
+
+def specialised(function: Any, design: Design) -> Any:
+    """Return ``law.step`` or ``tick.tick`` for designs of this shape; made once for each."""
+    return _specialised(function, shape_of(design), _Like(design))
+
+
+@attrs.frozen
+class _Like:
+    """A design that is not part of a key."""
+
+    design: Design = attrs.field(eq=False)
+
+
+@lru_cache(_KEPT_READY)
+def _specialised(function: Any, shape: tuple[Any, ...], like: _Like) -> Any:
+    source, scope = source_of(function, like.design)
+    exec(compile(source, f'<{function.__name__} for {shape}>', 'exec'), scope)
+    return scope[function.__name__]
+
+
+def source_of(function: Any, design: Design) -> tuple[str, dict[str, Any]]:
+    """Return the code, and what it calls by name."""
+    program = Program(design, original=RARE)
+    made = program.add(function)
+    head = ', '.join(made.parameters)
+    lines = [f'def {made.name}({head}):', *text(_quickened(made.body, design), 1)]
+    return '\n'.join(lines), _SCOPE | program.called
+
+
+def text(body: list[ast.stmt], depth: int) -> Iterator[str]:
+    """Return the lines of statements, each with that of the source that it comes from."""
+    pad = '    ' * depth
+    for statement in body:
+        match statement:
+            case ast.If():
+                yield f'{pad}if {ast.unparse(statement.test)}:'
+                yield from text(statement.body, depth + 1)
+                other = statement.orelse
+                while len(other) == 1 and isinstance(other[0], ast.If):
+                    yield f'{pad}elif {ast.unparse(other[0].test)}:'
+                    yield from text(other[0].body, depth + 1)
+                    other = other[0].orelse
+                if other:
+                    yield f'{pad}else:'
+                    yield from text(other, depth + 1)
+            case ast.While():
+                yield f'{pad}while {ast.unparse(statement.test)}:'
+                yield from text(statement.body, depth + 1)
+            case ast.For():
+                target, span = ast.unparse(statement.target), ast.unparse(statement.iter)
+                yield f'{pad}for {target} in {span}:'
+                yield from text(statement.body, depth + 1)
+            case _:
+                file, number = getattr(statement, 'source', ('', 0))
+                statement.lineno = number
+                yield f'{pad}{ast.unparse(statement)}  # {PurePath(file).name}:{number}'
+
+
+def _quickened(body: list[ast.stmt], design: Design) -> list[ast.stmt]:
+    """
+    Read what is used of a design and of states in one go each, and whole vectors too.
+
+    An attribute, or an entry of a list, takes several times as long as one of many names that a
+    tuple is taken apart into.
+    """
+    blank = blank_state(design)
+    places = {name: [f'{name}.{row}' for row in _row_names(blank)] for name in ('state', 'out')}
+    used = {
+        ast.unparse(node)
+        for statement in body
+        for node in ast.walk(statement)
+        if isinstance(node, (ast.Attribute, ast.Subscript))
+    }
+    names = {
+        place: place.translate(_IN_NAMES) for each in places.values() for place in each
+    }
+    names = {place: name for place, name in names.items() if place in used}
+    shortened = _Shortened(names)
+    body = [shortened.visit(statement) for statement in body]
+    head: list[ast.stmt] = []
+    for thing, field in (('state', 'rows'), ('out', 'rows')):
+        targets: list[ast.expr] = [store(names.get(each, '_')) for each in places[thing]]
+        whole = ast.Attribute(load(thing), field, ast.Load())
+        head.append(ast.Assign([ast.Tuple(targets, ast.Store())], whole))
+        head[-1].source = f'{thing}.py', 0  # type: ignore[attr-defined]
+    return [*head, *body]
+
+
+_IN_NAMES = str.maketrans({'.': '_', '[': '_', ']': None})
+
+
+def _numbers(design: Design) -> list[Any]:
+    return [
+        field
+        for field in attrs.fields(Design)
+        if field.init and not isinstance(getattr(design, field.name), list)
+    ]
+
+
+def _row_names(blank: State) -> Iterator[str]:
+    for field in attrs.fields(State):
+        value = getattr(blank, field.name) if field.init else ()
+        if value and isinstance(value[0], list):
+            yield from (f'{field.name}[{i}]' for i in range(len(value)))
+        elif field.init:
+            yield field.name
+
+
+class _Shortened(ast.NodeTransformer):
+    def __init__(self, names: dict[str, str]) -> None:
+        self._names = names
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
+        name = self._names.get(ast.unparse(node))
+        return self.generic_visit(node) if name is None else load(name)  # type: ignore[return-value]
+
+    visit_Attribute = visit_Subscript
