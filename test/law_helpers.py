@@ -52,6 +52,7 @@ def copy_of(state: State) -> State:
     copy: list[Any] = [
         [list(row) if isinstance(row, list) else row for row in getattr(state, field.name)]
         for field in attrs.fields(State)
+        if field.init
     ]
     return State(*copy)
 

@@ -106,10 +106,10 @@ class Evaluator(Expressions):
                     test = self.value(statement.test)
                     if not isinstance(test, Code):
                         work = [*(statement.body if test else statement.orelse), *work]
-                    elif any(isinstance(node, ast.Return) for node in ast.walk(statement)):
-                        return self._fork(test, statement, work)
+                    elif self.scope.outermost or not _may_return(statement):
+                        work = [*self._fork(test, statement), *work]
                     else:
-                        self._fork(test, statement, [])
+                        return self._fork_with(work, test, statement)
                 case ast.While():
                     test = True if self._rolled else self._test(statement)
                     if self._rolled or isinstance(test, Code):
@@ -161,32 +161,53 @@ class Evaluator(Expressions):
             name = f'{self.scope.function.__name__}_gives'
             self.scope.values[RETURNED] = self.kept(name, value)
 
-    def _fork(self, test: Code, statement: ast.If, rest: Statements) -> bool:
-        """Write both branches, each with the ``rest`` that comes after it; tell if both return."""
-        line, written, before = self.line, self.body, self.known()
-        self.body = then = []
-        ended = self._run(statement.body)
-        if self.scope.outermost and ended:  # what follows is not to be inside of it
-            self.forget(before)
-            self.body, self.line = written, line
-            self.emit(ast.If(test.node, then, []))
-            return self._run([*statement.orelse, *rest])
-        ended = ended or self._run(rest)
-        after = self.known()
+    def _branch(self, statements: Statements, before: Known) -> tuple[Statements, bool]:
+        """Run a branch from what is known before it; return what it writes, and if it returns."""
         self.forget(before)
-        self.body = other = []
-        ended_too = self._run([*statement.orelse, *rest])
+        written, line = self.body, self.line
+        self.body = branch = []
+        ended = self._run(statements)
         self.body, self.line = written, line
+        return branch, ended
+
+    def _fork(self, test: Code, statement: ast.If) -> Statements:
+        """Write two branches; return the statements of the source that follow inside of them."""
+        before = self.known()
+        then, ended = self._branch(statement.body, before)
+        if ended:
+            self.forget(before)
+            self.emit(ast.If(test.node, then, []))
+            return statement.orelse
+        after = self.known()
+        other, ended = self._branch(statement.orelse, before)
+        if ended:
+            self.emit(ast.If(ast.UnaryOp(ast.Not(), test.node), other, []))
+            self.body += then
+            self.forget(after)
+            return []
+        self.merge(after, then, other)
+        self._write_branches(test, then, other)
+        return []
+
+    def _fork_with(self, rest: Statements, test: Code, statement: ast.If) -> bool:
+        """Write two branches of a call that may return in one, each with all that follows."""
+        before = self.known()
+        then, ended = self._branch([*statement.body, *rest], before)
+        after = self.known()
+        other, ended_too = self._branch([*statement.orelse, *rest], before)
         if ended and ended_too:  # nothing else of this call is read any more
             for values in (after.values, self.scope.values):
                 for name in values.keys() - {RETURNED}:
                     del values[name]
         self.merge(after, then, other)
+        self._write_branches(test, then, other)
+        return ended and ended_too
+
+    def _write_branches(self, test: Code, then: Statements, other: Statements) -> None:
         if then:
             self.emit(ast.If(test.node, then, other))
         elif other:
             self.emit(ast.If(ast.UnaryOp(ast.Not(), test.node), other, []))
-        return ended and ended_too
 
     # ---- loops that stay loops
 
@@ -267,6 +288,10 @@ class Evaluator(Expressions):
             return
         for target, (_, now) in zip(targets, pairs):
             inner.append(self.sourced(ast.Assign([target], self.expression(now))))
+
+
+def _may_return(statement: ast.stmt) -> bool:
+    return any(isinstance(node, ast.Return) for node in ast.walk(statement))
 
 
 def _over_range(statement: ast.For) -> bool:

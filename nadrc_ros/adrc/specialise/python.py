@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from functools import lru_cache
 import math
 from pathlib import PurePath
 from typing import Any
@@ -29,28 +28,24 @@ RARE = frozenset(
         *(tick._take_over, tick._without_sample, state.start, transfer.adopt_reference),
     )
 )
-_KEPT_READY = 64
+# By function and shape.
+_MADE: dict[Any, Any] = {}
 _MATHEMATICS = ('exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign', 'isfinite', 'isnan')
 _SCOPE = {name: getattr(math, name) for name in (*_MATHEMATICS, 'nan', 'inf')}
 
 
-def specialised(function: Any, design: Design) -> Any:
-    """Return ``law.step`` or ``tick.tick`` for designs of this shape; made once for each."""
-    return _specialised(function, shape_of(design), _Like(design))
+def specialised(function: Any, design: Design, make: bool = True) -> Any:
+    """
+    Return ``law.step`` or ``tick.tick`` for designs of this shape.
 
-
-@attrs.frozen
-class _Like:
-    """A design that is not part of a key."""
-
-    design: Design = attrs.field(eq=False)
-
-
-@lru_cache(_KEPT_READY)
-def _specialised(function: Any, shape: tuple[Any, ...], like: _Like) -> Any:
-    source, scope = source_of(function, like.design)
-    exec(compile(source, f'<{function.__name__} for {shape}>', 'exec'), scope)
-    return scope[function.__name__]
+    Where nothing is to be made, and it was not made before, that is the function as it is.
+    """
+    key = function, shape_of(design)
+    if make and key not in _MADE:
+        source, scope = source_of(function, design)
+        exec(compile(source, f'<{function.__name__} of {key[1]}>', 'exec'), scope)
+        _MADE[key] = scope[function.__name__]
+    return _MADE.get(key, function)
 
 
 def source_of(function: Any, design: Design) -> tuple[str, dict[str, Any]]:
@@ -122,14 +117,6 @@ def _quickened(body: list[ast.stmt], design: Design) -> list[ast.stmt]:
 
 
 _IN_NAMES = str.maketrans({'.': '_', '[': '_', ']': None})
-
-
-def _numbers(design: Design) -> list[Any]:
-    return [
-        field
-        for field in attrs.fields(Design)
-        if field.init and not isinstance(getattr(design, field.name), list)
-    ]
 
 
 def _row_names(blank: State) -> Iterator[str]:

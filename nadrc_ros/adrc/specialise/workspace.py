@@ -189,7 +189,10 @@ class Workspace:
             known = name
             if name == RETURNED:
                 known = self.scope.function.__name__.strip('_') + '_gives'
-            values[name] = self.join(known, after.values[name], values[name], then, other)
+            try:
+                values[name] = self.join(known, after.values[name], values[name], then, other)
+            except Refused:  # an error only if it is looked up
+                del values[name]
         for row, cells in zip(self.rows, after.cells):
             for i, (cell, now) in enumerate(zip(cells, row.cells)):
                 if same(cell, now):
@@ -221,15 +224,14 @@ class Workspace:
                     index = self.join(f'{name}_at', *indices, then, other)
                     place = ast.Subscript(a.value, index.node, ast.Load())
                     return attrs.evolve(first, place=place)
-        if isinstance(first, Row) and isinstance(second, Row):
-            row = Row(name, [0.0] * len(first.cells), None, first.kind)
-            for i in range(len(row.cells)):
-                pair = []
-                for branch, source in ((then, first), (other, second)):
-                    body, self.body = self.body, branch
-                    pair.append(self.read(source, i))
-                    self.body = body
-                row.cells[i] = self.join(f'{name}_{i}', *pair, then, other)
+        if isinstance(first, Row) and isinstance(second, Row) and first.place and second.place:
+            row = Row(name, [], None, first.kind)
+            for i in range(len(first.cells)):
+                entries = [
+                    Code(ast.Subscript(each.place, ast.Constant(i), ast.Load()), each.kind)
+                    for each in (first, second)
+                ]
+                row.cells.append(self.join(f'{name}_{i}', *entries, then, other))
             return row
         numbers = (Code, bool, int, float)
         if not (isinstance(first, numbers) and isinstance(second, numbers)):
