@@ -125,9 +125,10 @@ class Expressions(Workspace):
             return self._at(vector, index)
         if not isinstance(index, Code):
             return self.read(vector, index) if isinstance(vector, Row) else vector[index]
-        if isinstance(vector, tuple) and isinstance(node.value, ast.Name):  # of the module
-            self.called[node.value.id] = vector
-            return Code(ast.Subscript(node.value, index.node, ast.Load()), kind_of(vector[0]))
+        if isinstance(vector, tuple):
+            name = ast.unparse(node.value).replace('.', '_')
+            self.called[name] = vector
+            return Code(ast.Subscript(load(name), index.node, ast.Load()), kind_of(vector[0]))
         raise self.refused(f'the subscript of {ast.unparse(node)} is not known')
 
     def _at(self, vector: Memory, index: Any) -> Any:

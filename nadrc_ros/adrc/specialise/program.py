@@ -13,7 +13,7 @@ from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.specialise.evaluator import Evaluator
 from nadrc_ros.adrc.specialise.expressions import gives_of, signature
 from nadrc_ros.adrc.specialise.tidy import tidied
-from nadrc_ros.adrc.specialise.values import Code, Function, load, Memory, Record, Row, store
+from nadrc_ros.adrc.specialise.values import Code, Function, load, Memory, Record, Row, store, UNLOADED
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 
@@ -29,11 +29,11 @@ SHAPE = frozenset(
 SWITCHES = frozenset(
     (
         *('tracking_acceleration', 'input_delay', 'measurement_period', 'error_deadband'),
-        'command_rate_limit',
+        *('command_rate_limit', 'feed_forward_timeout'),
     )
 )
 # Vectors that are looked up at places which are known at run time only.
-_LOOKED_UP = frozenset(('delay_line', 'b0_table'))
+_LOOKED_UP = frozenset(('delay_line', 'fed_line', 'b0_table'))
 
 
 def shape_of(design: Design) -> tuple[Any, ...]:
@@ -56,8 +56,8 @@ class Program:
     """
     Functions of the law, evaluated for the shape of a design.
 
-    ``original`` are called as they are, ``apart`` become functions of their own, one for each way
-    in which they are called; those that are ``rolled`` keep their loops.
+    ``original`` are called as they are, ``apart`` become functions of their own; those that are
+    ``rolled`` do so too, and keep their loops.
     """
 
     def __init__(
@@ -74,10 +74,19 @@ class Program:
         self._apart = apart
         self._rolled = rolled
 
-    def add(self, function: Any) -> Function:
-        """Evaluate a function of a design, of states and of numbers that are not known."""
-        names = list(signature(function).parameters)
-        return self._evaluate(function, dict.fromkeys(names), function.__name__)
+    def add(self, function: Any, **sizes: int) -> Function:
+        """
+        Evaluate a function of a design, of states, of vectors and of numbers that are not known.
+
+        A vector has as many entries as a reference, n + 1, where no other size is given.
+        """
+        given = {
+            name: Row(name, [UNLOADED] * sizes[name], load(name)) if name in sizes else None
+            for name in signature(function).parameters
+        }
+        made = self._evaluate(function, given, function.__name__)
+        self.functions[function,] = made
+        return made
 
     def _called_apart(self, function: Any, bound: dict[str, Any]) -> str | None:
         if function in self._original:
@@ -85,7 +94,7 @@ class Program:
             return str(function.__name__)
         if function not in self._apart and function not in self._rolled:
             return None
-        key = function, *(_pattern(value) for value in bound.values())
+        key = function, *(_size(value) for value in bound.values())
         if key not in self.functions:
             number = sum(1 for each in self.functions if each[0] is function)
             name = function.__name__.strip('_') + (f'_{number + 1}' if number else '')
@@ -106,14 +115,12 @@ class Program:
         self, evaluator: Evaluator, parameter: inspect.Parameter, given: Any, rolled: bool
     ) -> Any:
         place = load(parameter.name)
+        if isinstance(given, Row) and not rolled:
+            return evaluator.row(parameter.name, len(given.cells), place, given.kind)
         if isinstance(given, Row):
-            given = Memory(place, len(given.cells), None, given.kind)
+            return Memory(place, len(given.cells), None, given.kind)
         if isinstance(given, Memory):
-            if rolled or given.width is not None:
-                return attrs.evolve(given, place=place)
-            return evaluator.row(parameter.name, given.size, place, given.kind)
-        if isinstance(given, (bool, int, float)):
-            return given
+            return attrs.evolve(given, place=place)
         match parameter.annotation:
             case 'Design':
                 return symbolic_design(evaluator, self.design, place, rolled)
@@ -128,11 +135,11 @@ class Program:
         return Code(place, str(parameter.annotation))
 
 
-def _pattern(value: Any) -> Any:
-    """Return what of an argument a function apart is made for."""
-    if isinstance(value, (bool, int, float)):
-        return repr(value)
-    return value.kind if isinstance(value, Code) else type(value)
+def _size(value: Any) -> int | None:
+    """Return the size of a vector: for each a function is another one."""
+    if isinstance(value, Row):
+        return len(value.cells)
+    return value.size if isinstance(value, Memory) else None
 
 
 def symbolic_design(
@@ -153,7 +160,7 @@ def symbolic_design(
             fields[name] = Code(own, 'float', True) if value > 0.0 else 0.0
         else:
             fields[name] = Code(own, type(value).__name__)
-    return Record(fields, place)
+    return Record(fields, place, Design)
 
 
 def symbolic_state(
@@ -168,7 +175,7 @@ def symbolic_state(
         own = ast.Attribute(place, field.name, ast.Load())
         value = getattr(blank, field.name)
         fields[field.name] = _vector(evaluator, field.name, value, own, rolled)
-    return Record(fields, place)
+    return Record(fields, place, State)
 
 
 def _vector(

@@ -31,7 +31,7 @@ RARE = frozenset(
 # By function and shape.
 _MADE: dict[Any, Any] = {}
 _MATHEMATICS = ('exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign', 'isfinite', 'isnan')
-_SCOPE = {name: getattr(math, name) for name in (*_MATHEMATICS, 'nan', 'inf')}
+SCOPE = {name: getattr(math, name) for name in (*_MATHEMATICS, 'nan', 'inf')}
 
 
 def specialised(function: Any, design: Design, make: bool = True) -> Any:
@@ -54,7 +54,7 @@ def source_of(function: Any, design: Design) -> tuple[str, dict[str, Any]]:
     made = program.add(function)
     head = ', '.join(made.parameters)
     lines = [f'def {made.name}({head}):', *text(_quickened(made.body, design), 1)]
-    return '\n'.join(lines), _SCOPE | program.called
+    return '\n'.join(lines), SCOPE | program.called
 
 
 def text(body: list[ast.stmt], depth: int) -> Iterator[str]:

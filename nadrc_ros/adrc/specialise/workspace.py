@@ -87,7 +87,7 @@ class Workspace:
 
     def fresh(self, name: str) -> str:
         """Return a name that nothing has yet."""
-        name = name.strip('_')
+        name = name.strip('_') or 'unused'
         free, number = name, 2
         while free in self._taken:
             free = f'{name}_{number}'
