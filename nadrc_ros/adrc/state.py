@@ -294,6 +294,12 @@ def remainder(design: Design, state: State) -> float:
     return total + reference_share(design, state.profile) if design.error_based else total
 
 
+def known_before(design: Design, state: State) -> float:
+    """Return what is to be taken off L before it is estimated: feed-forward and reference."""
+    known = -state.gain[0] * state.offset[2]
+    return known + reference_share(design, state.profile) if design.error_based else known
+
+
 def reference_share(design: Design, profile: Vector) -> float:
     """Return r^(n) + sum_i a_i r^(i): by so much the L of y is more than that of y - r."""
     share = profile[design.order]

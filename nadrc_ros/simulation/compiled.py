@@ -3,83 +3,62 @@ The loop of a run compiled by numba, from the functions of the law, the plant an
 
 This is the one file that imports numba. Every function of the loop is registered with numba, which
 then compiles the source that runs in plain Python: same bits, 50 times the speed. One loop serves
-one combination of plant, reference and disturbance class; their numbers and the controller's
-are arguments. The law is compiled once for all loops, which takes longer than the rest of one.
-What was compiled is kept on disk, in ``__pycache__`` beside its source or else in the user's cache
-folder, under a name made of the source files of all of it: numba by itself would not notice that
-another file than this one changed.
+one combination of plant, reference and disturbance class; their numbers are arguments, and so is
+the law, compiled by itself for each shape of a design (see ``flat``). What was compiled is kept on
+disk, in ``__pycache__`` beside its source or else in the user's cache folder, under a name made of
+the source files of all of it: numba by itself would not notice that another file than this one
+changed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cache, lru_cache
+from functools import lru_cache
 from hashlib import sha256
-from importlib import import_module
-from inspect import getmembers, getmodule, getsource, isfunction
-from math import isfinite, isnan, nan
-from types import FunctionType, ModuleType
+from inspect import getmodule, getsource
+from math import isfinite, isnan
 from typing import Any
+from warnings import filterwarnings
 
-from nadrc_ros.adrc import angle, law, observer, state
-from nadrc_ros.adrc import tick as ticks
-from nadrc_ros.adrc.angle import counted, short
-from nadrc_ros.adrc.realised import realised_reference
-from nadrc_ros.adrc.reference import estimated, follow
-from nadrc_ros.adrc.sample import regular, Sample
+from nadrc_ros.adrc import angle
+from nadrc_ros.adrc.angle import short
+from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.state import (
-    copy_vector,
-    damping,
-    disturbance_estimate,
-    output_estimate,
-)
+from nadrc_ros.adrc.specialise.program import shape_of
+from nadrc_ros.adrc.state import copy_vector, damping
 from nadrc_ros.adrc.status import MODE_OK
-from nadrc_ros.adrc.tick import tick
+from nadrc_ros.simulation import period
 from nadrc_ros.simulation.dead_time import reach
+from nadrc_ros.simulation.flat import sources
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import FIRST_LEVEL, ROW_WIDTH
 from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
 from nadrc_ros.simulation.protocols import probe_states, sample_time, total_disturbance
 from nadrc_ros.simulation.sensor import shown
 import numba
-from numba import types
+from numba import NumbaExperimentalFeatureWarning, types
 from numba.core.event import Event, install_listener, Listener
-from numba.extending import intrinsic, overload, register_jitable
+from numba.extending import intrinsic, register_jitable
 import numpy as np
 
-
-def _modules(*names: str) -> tuple[ModuleType, ...]:
-    return tuple(import_module(f'nadrc_ros.adrc.{name}') for name in names)
-
-
-# What a usual period calls is inlined, which makes the loop six times as fast. The rest, which
-# only some settings or the ends of a fault need, would multiply the time to compile for nothing.
-_RARE = _modules(
-    *('delay_line', 'transition', 'internal_model', 'gain', 'deadband'),
-    *('transfer', 'realised', 'reference'),
+# What a loop calls beside its plant, its signals and the law.
+_CALLED = (
+    *(integrate, sample_time, reach, total_disturbance, shown, short, angle.whole, copy_vector),
+    *(accumulate, accumulate_remainders, damping),
 )
-_LAW = (
-    *(angle, law, observer, state, ticks, *_RARE),
-    *_modules('limiter', 'feedback', 'differentiator', 'supervisor'),
-    *_modules('sample', 'settings', 'status'),
-)
-_SIMULATION = (
-    *(integrate, sample_time, reach, total_disturbance, shown),
-    *(accumulate, accumulate_remainders),
-)
+# So are functions that are arguments.
+filterwarnings('ignore', category=NumbaExperimentalFeatureWarning)
+_VECTOR, _NUMBER = types.Array(types.float64, 1, 'C'), types.float64
+_SIGNATURES = {
+    'regular_period': types.void(*[_VECTOR] * 6),
+    'period': types.void(*[_VECTOR] * 6),
+    'realise': types.void(*[_VECTOR] * 3, _NUMBER),
+    'estimate_derivatives': types.void(*[_VECTOR] * 3, _NUMBER, _NUMBER),
+}
 # So many combinations of classes are kept ready; a further one is read from disk again.
 _LOOPS_KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
 _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
-_NOT_INLINED = (
-    *(law._refuse, law._restart, ticks._take_over, ticks._without_sample),
-    *(state.start, state.rest, state.copy_state, state.match_command, state.calm),
-    *(state.reference_share, observer.place, observer.softened),
-    *(angle.receive, angle.recentre, angle.unwrapped),
-)
-# Compiled once for all loops, which takes longer than the rest of one.
-_SHARED = (tick, follow)
 
 
 @intrinsic
@@ -87,8 +66,7 @@ def unowned(context: Any, value: Any) -> Any:
     """
     Return ``value`` with arrays that are not counted: the caller keeps them alive.
 
-    The law hands rows of arrays to functions and swaps states each period. Counted, each of these
-    takes and gives back a reference, and the loop is three times as slow.
+    The loop swaps states each period. Counted, each of these takes and gives back a reference.
     """
 
     def strip(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -114,6 +92,44 @@ def advance(*arguments: Any) -> None:
     integrate(*arguments)
 
 
+def compiled_law(design: Design) -> dict[str, Any]:
+    """
+    Return the functions of :mod:`~nadrc_ros.simulation.period` for designs of this shape.
+
+    Each is compiled, or read from disk, when it is first asked for.
+    """
+    shape = shape_of(design)
+    if shape not in _LAWS:
+        _LAWS[shape] = _Law(design)
+    return _LAWS[shape]
+
+
+class _Law(dict[str, Any]):
+    """The compiled functions of one shape by name."""
+
+    def __init__(self, design: Design) -> None:
+        super().__init__()
+        self._sources, self._scope = sources(design)
+        code = repr(sorted(self._sources.items())) + repr(shape_of(design))
+        self._hash = sha256(code.encode()).hexdigest()[:16]
+        for name, source in self._sources.items():
+            # As if from this file: what is kept on disk lies beside a file that there is.
+            exec(compile(source, __file__, 'exec'), self._scope)
+            if name not in _SIGNATURES:
+                self._scope[name] = numba.njit(error_model='numpy')(self._scope[name])
+
+    def __missing__(self, name: str) -> Any:
+        function = self._scope[name]
+        function.__qualname__ = f'{name}_{self._hash}'
+        function.__module__ = __name__
+        options = {'cache': True, 'error_model': 'numpy'}
+        self[name] = made = numba.cfunc(_SIGNATURES[name], nopython=True, **options)(function)
+        return made
+
+
+_LAWS: dict[Any, _Law] = {}
+
+
 @lru_cache(_LOOPS_KEPT)
 def compiled_loop(
     derivative: Any, output: Any, references: Any, disturbances: Any
@@ -124,15 +140,17 @@ def compiled_loop(
     With an ``outer`` that is not None it is a cascade of two loops, which is compiled apart.
     """
     methods = derivative, output, references, disturbances
-    share_law()
-    for function in (*methods, *_SIMULATION):
-        _register(function)
+    for function in (*methods, *_CALLED):
+        register_jitable(function)
 
     def loop(
         things: Any,
+        regular: Any,
+        estimate: Any,
         law: Any,
         buffers: Any,
         constants: Any,
+        limits: Any,
         dead_time: Any,
         begin: Any,
         sums: Any,
@@ -140,30 +158,34 @@ def compiled_loop(
         outer: Any,
     ) -> Any:
         plant, reference_signal, disturbance = unowned(things)
-        design, state, spare = unowned(law)
+        design, state, spare, told, gives, shares = unowned(law)
         parts = unowned(buffers)
         noise, fed, r, reference, memory, memory_before = parts[:6]
         x, x_next, x_middle, w, work, sent = parts[6:]
         rate, own_rate, substeps, b0, known, estimates, tracking, wrap_min, wrap_max = constants
+        command_min, command_max, reference_min, reference_max, wrap, levels = limits
+        lowest, highest = reference_min, reference_max
         whole, rest = dead_time
         late = sent.shape[1] > 0
-        k, stop, noise_start, command, policy = begin
+        k, stop, noise_start = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
-        facing, around, asked, asked_status, below = design, policy, 0.0, 0, 0
+        asking = measured_rate = 0.0
+        below = 0
+        facing, asked, asks = design, told, gives
         if outer is not None:
-            facing, outer_state, outer_spare, rate_noise, inner_reference, outer_counts = unowned(
-                outer[0]
+            around, realise, outer_parts, outer_limits, controlled = outer
+            facing, outer_state, outer_spare, asked, asks, rate_noise, follows, outer_counts = (
+                unowned(outer_parts)
             )
-            controlled, asked, around = outer[1]
+            lowest, highest, wrap = outer_limits
             below = controlled
         h = 1.0 / rate
         first = k
         lost = isnan(x[0])
-        status = 0
         while k < stop:
             t = k / rate
-            if estimates > 0:
+            if estimate is not None:
                 copy_vector(memory, memory_before)
             for i in range(len(r)):
                 r[i] = 0.0
@@ -171,40 +193,47 @@ def compiled_loop(
             # What is out of the ordinary ends this before the period is done, with all as it was
             # at its begin. Plain Python does the period then: there a plant of a user's raises,
             # with its line, what compiled is a silent nan.
-            usable = facing.reference_min <= r[0] <= facing.reference_max
+            usable = lowest <= r[0] <= highest
             for i in range(len(r)):
                 usable = usable and LOWEST <= r[i] <= HIGHEST
-            if not (usable and LOWEST <= fed[k - noise_start] <= HIGHEST):
+            load = fed[k - noise_start]
+            if not (usable and LOWEST <= load <= HIGHEST):
                 break
             for i in range(known + estimates, len(reference)):
                 reference[i] = 0.0
             for i in range(known):
                 reference[i] = r[i]
-            if estimates > 0 and follow(facing, memory, r[0], True, h, 0.0):
-                for i in range(1, 1 + estimates):
-                    reference[i] = estimated(memory, i)
+            if estimate is not None:
+                estimate(facing, memory, asked, r[0], h)
+                if asked[period.CHANGED] > 0.0:
+                    for i in range(1, 1 + estimates):
+                        reference[i] = asked[period.CHANGED + i]
             y = output(plant, x)
             measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
+            told[period.SPAN] = h
+            told[period.FEED_FORWARD] = load
+            told[period.MEASUREMENT] = measurement
             if outer is None:
-                sample = regular(measurement, h, command, fed[k - noise_start])
-                u, now, decided = tick(design, state, policy, sample, reference, True, True, spare)
+                regular(design, state, reference, told, spare, gives)
             else:
-                acted = realised_reference(design, state, policy, command, asked)
+                realise(design, state, told, asked[period.COMMAND])
+                acted = told[period.REALISED]
                 if not LOWEST <= acted <= HIGHEST:
                     break
-                follows = policy.mode == MODE_OK
-                sample = Sample(measurement, h, h, 0.0, acted, follows, nan, 0.0, asked, 0.0)
-                asking, asked_now, asked_decided = tick(
-                    facing, outer_state, around, sample, reference, True, True, outer_spare
-                )
-                if not design.reference_min <= asking <= design.reference_max:
+                asked[period.MEASUREMENT] = measurement
+                asked[period.SPAN] = asked[period.ELAPSED] = h
+                asked[period.APPLIED] = acted
+                asked[period.FOLLOWED] = 1.0 if told[period.MODE] == MODE_OK else 0.0
+                asked[period.SENT] = asked[period.COMMAND]
+                around(facing, outer_state, reference, asked, outer_spare, asks)
+                asking = asks[period.COMMAND]
+                if not reference_min <= asking <= reference_max:
                     break
-                inner_reference[0] = asking
+                follows[0] = asking
                 measured_rate = x[controlled] + rate_noise[k - noise_start]
-                sample = regular(measured_rate, h, command, fed[k - noise_start])
-                u, now, decided = tick(
-                    design, state, policy, sample, inner_reference, True, True, spare
-                )
+                told[period.MEASUREMENT] = measured_rate
+                regular(design, state, follows, told, spare, gives)
+            u = gives[period.COMMAND]
             disturbances(disturbance, t, w)
             reached = acting = later = u
             if late:
@@ -212,9 +241,9 @@ def compiled_loop(
             truth = total_disturbance(derivative, plant, b0, t, x, acting, w[0], work[0])
             if acting != reached:
                 truth += b0 * (acting - reached)
-            truth += (b0 - spare.gain[0]) * reached
-            if design.known:
-                truth += damping(design, x, below)
+            truth += (b0 - gives[period.B0]) * reached
+            if shares.order > 0:
+                truth += damping(shares, x, below)
             if late:
                 since, span, source = t, h, x
                 if rest > 0.0:
@@ -234,19 +263,16 @@ def compiled_loop(
                     fine = fine and isfinite(x_next[i])
                 if not fine:
                     break
-            command, status, policy = u, now, decided
-            if outer is None:
-                tracked = counted(design, spare, spare.profile[0])
-                estimate = counted(design, spare, output_estimate(design, spare))
-            else:
-                tracked = counted(facing, outer_spare, outer_spare.profile[0])
-                estimate = counted(facing, outer_spare, output_estimate(facing, outer_spare))
+            facts = asks if outer is not None else gives
+            tracked = facts[period.TRACKED]
             followed = tracked if tracking else r[0]
-            error = short(followed - y, facing.measurement_period)
-            saturated = u <= design.command_min or u >= design.command_max
+            error = short(followed - y, wrap)
+            saturated = u <= command_min or u >= command_max
             accumulate(acc, t, h, error, u, saturated)
-            accumulate_remainders(design, spare, truth, t, h, remainders)
-            counts[status] += 1
+            estimated = gives[period.FIRST_LEVEL :]
+            left = truth - gives[period.KNOWN]
+            accumulate_remainders(left, estimated, levels, t, h, remainders)
+            counts[int(gives[period.STATUS])] += 1
             if k < len(rows):
                 row = rows[k]
                 row[0] = t
@@ -255,27 +281,30 @@ def compiled_loop(
                 row[3] = y
                 row[4] = measurement
                 row[5] = u
-                row[6] = estimate
-                row[7] = disturbance_estimate(design, spare)
+                row[6] = facts[period.ESTIMATE]
+                row[7] = gives[period.DISTURBANCE]
                 row[8] = truth
-                for level in range(design.levels):
-                    row[FIRST_LEVEL + level] = spare.levels[level][design.order]
+                for level in range(levels):
+                    row[FIRST_LEVEL + level] = estimated[level]
                 if outer is not None:
                     row[ROW_WIDTH] = asking
                     row[ROW_WIDTH + 1] = x[controlled]
                     row[ROW_WIDTH + 2] = measured_rate
             state, spare = spare, state
+            told, gives = gives, told
             if outer is not None:
                 outer_state, outer_spare = outer_spare, outer_state
-                asked, asked_status, around = asking, asked_now, asked_decided
-                outer_counts[asked_now] += 1
+                asked, asks = asks, asked
+                outer_counts[int(asked[period.STATUS])] += 1
+            else:
+                asked = told
             x, x_next = x_next, x
             k += 1
-        if k < stop and estimates > 0:  # plain Python takes the sample of this period anew
+        if k < stop and estimate is not None:  # plain Python takes this sample anew
             copy_vector(memory_before, memory)
-        return k, status, command, policy, (k - first) % 2, (asked_status, asked, around)
+        return k, (k - first) % 2
 
-    known = _named_by_source(loop, (*methods, *_SIMULATION))
+    known = _named_by_source(loop, (*methods, *_CALLED, period.period))
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=known)(loop)
     return fast
 
@@ -323,44 +352,9 @@ def _alone(method: Any) -> Any:
     return numba.njit(method)
 
 
-@cache
-def share_law() -> None:
-    """Have ``_SHARED``, wherever they are called, compiled once and kept on disk by themselves."""
-    for function in _law():
-        if function not in _SHARED:
-            _register(function)
-    for function in _SHARED:
-        _share(function)
-
-
-def _share(function: Any) -> None:
-    shared = FunctionType(function.__code__, function.__globals__)
-    options = {'forceinline': _is_inlined(function), 'cache': _named_by_source(shared, ())}
-    overload(function, jit_options=options, strict=False)(lambda *arguments: shared)
-
-
-@cache
-def _register(function: Callable[..., Any]) -> None:
-    register_jitable(forceinline=_is_inlined(function))(function)
-
-
-def _is_inlined(function: Callable[..., Any]) -> bool:
-    return function not in _NOT_INLINED and getmodule(function) not in _RARE
-
-
-@cache
-def _law() -> tuple[Callable[..., Any], ...]:
-    return tuple(
-        function
-        for module in _LAW
-        for _, function in getmembers(module, isfunction)
-        if function.__module__ == module.__name__
-    )
-
-
 def _named_by_source(function: Any, parts: Iterable[Callable[..., Any]]) -> bool:
     """
-    Give a function the name of its file on disk: one hash of the law's source and of its parts'.
+    Give a function the name of its file on disk: one hash of its source and of its parts'.
 
     The parts are named in it too, as no two loops may share a file: numba numbers what is in one,
     and of two processes that add to it at once one would read what the other wrote. Return False
@@ -370,7 +364,7 @@ def _named_by_source(function: Any, parts: Iterable[Callable[..., Any]]) -> bool
     parts = (function, *parts)
     digest = sha256(repr([(part.__module__, part.__qualname__) for part in parts]).encode())
     try:
-        for module in dict.fromkeys((*_LAW, *map(getmodule, parts))):
+        for module in dict.fromkeys(map(getmodule, parts)):
             digest.update(getsource(module).encode())  # type: ignore[arg-type]
     except (OSError, TypeError):
         return False

@@ -59,24 +59,33 @@ def layout(thing: Design | State) -> dict[str, Field]:
 
 def flat(thing: Design | State) -> Array:
     """Return the numbers of a design or of a state as one array."""
-    return np.concatenate([np.ravel(getattr(thing, name)) for name in layout(thing)], dtype=float)
+    numbers: list[float] = []
+    for field in attrs.fields(type(thing)):
+        if field.init and not (field.name in SHAPE and isinstance(thing, Design)):
+            value = getattr(thing, field.name)
+            if not isinstance(value, list):
+                numbers.append(value)
+            elif value and isinstance(value[0], list):
+                for row in value:
+                    numbers += row
+            else:
+                numbers += value
+    return np.array(numbers, dtype=np.float64)
 
 
-def state_of(numbers: Array, like: State) -> State:
-    """Return the state whose numbers these are."""
-    return State(
-        *(
-            numbers[field.begin : field.begin + prod(field.shape)].reshape(field.shape).tolist()
-            for field in layout(like).values()
-        )
-    )
+def unflat(numbers: Array, state: State) -> None:
+    """Write the numbers of a state into it."""
+    values, begin = numbers.tolist(), 0
+    for row in state.rows:
+        row[:] = values[begin : begin + len(row)]
+        begin += len(row)
 
 
 def sources(design: Design) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the code of all functions by name, in the order of their calls, and what it uses."""
     program = Program(design, apart=APART, rolled=ROLLED)
     for function in FUNCTIONS:
-        sizes = {'told': period.SIZE, 'memory': len(blank_memory())}
+        sizes = {'told': period.SIZE, 'gives': period.SIZE, 'memory': len(blank_memory())}
         names = function.__annotations__
         program.add(function, **{name: size for name, size in sizes.items() if name in names})
     layouts = {Design: layout(design), State: layout(blank_state(design))}

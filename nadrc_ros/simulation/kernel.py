@@ -8,20 +8,21 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cache, lru_cache
 from hashlib import sha256
+from math import nan
 import pickle
 from typing import Any
 
 import attrs
 from nadrc_ros.adrc.cascade import CascadeSettings
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.status import Status
-from nadrc_ros.adrc.supervisor import PolicyState
-from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone
+from nadrc_ros.adrc.supervisor import PolicyState, Stall
+from nadrc_ros.simulation import period
+from nadrc_ros.simulation.compiled import announced, compiled_law, compiled_loop, same_alone
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
+from nadrc_ros.simulation.flat import flat, unflat
 from nadrc_ros.simulation.integrate import make_work
 from nadrc_ros.simulation.loop import Array, Loop, row_width
 from nadrc_ros.simulation.protocols import probe_states
@@ -53,45 +54,55 @@ class Kernel:
         *around, _ = loop.cascade.loops
         if len(around) > 1 or (around and not self._cascade_believed(experiment)):
             return False
-        states = [tuple_of(state) for state in (running.state, blank_state(running.design))]
         acc, remainders = np.array(loop.metrics.sums), np.array(loop.remainders)
-        counts = np.zeros((2, len(Status)), dtype=np.int64)
         facing = around[0] if around else running
-        outer_states = [tuple_of(state) for state in (facing.state, blank_state(facing.design))]
-        reference, inner_reference = np.array(facing.reference), np.array(running.reference)
-        r, w = np.zeros(REFERENCE_DERIVATIVES + 1), np.zeros(1)
+        own, its = _Running(running), _Running(facing)
         xs = np.array([plant_run.state] * 3, dtype=np.float64)
         dead_time = plant_run.dead_time
         sent = np.array(dead_time.sent)
+        r, w = np.zeros(REFERENCE_DERIVATIVES + 1), np.zeros(1)
         known, estimates = 1 + facing.settings.received_derivatives, 0
         if experiment.reference_alone:
             if facing.settings.reference_derivatives == 'auto':
                 estimates = known - 1
             known = 1
         memory, before = np.array(facing.intake.memory), np.array(facing.intake.memory)
-        tracking = experiment.error == 'tracking'
-        wrap = experiment.sensor.wrap_min, experiment.sensor.wrap_max
+        law = compiled_law(running.design)
+        estimate = None
+        if estimates:
+            estimate = compiled_law(facing.design)['estimate_derivatives']
         outer = None
         if around:
-            buffers = loop.inner_noise[0], inner_reference, counts[1]
-            parts = (tuple_of(facing.design), *outer_states, *buffers)
-            outer = parts, (loop.derivatives[0], facing.command, facing.policy)
+            outer = (
+                *(compiled_law(facing.design)['period'], law['realise']),
+                (*its.parts, loop.inner_noise[0], own.reference, its.counts),
+                its.limits[2:5],
+                loop.derivatives[0],
+            )
+        design = running.design
+        shares = _fields('Fields(order damping)')(
+            design.order if design.known else 0, np.array(design.damping)
+        )
+        sensor = experiment.sensor
         try:
-            k, status, command, policy, last, outcome = self.compiled(
+            k, last = self.compiled(
                 self.fields,
-                (tuple_of(running.design), *states),
+                law['regular_period'],
+                estimate,
+                (*own.parts, shares),
                 (
-                    *(loop.noise, loop.fed, r, reference, memory, before),
+                    *(loop.noise, loop.fed, r, its.reference, memory, before),
                     *(*xs, w, np.array(make_work(xs.shape[1])), sent),
                 ),
                 (
                     *(experiment.rate, experiment.reference_rate, plant_run.substeps),
-                    *(float(plant_run.plant.b0), known, estimates, tracking),
-                    *wrap,
+                    *(float(plant_run.plant.b0), known, estimates, experiment.error == 'tracking'),
+                    *(sensor.wrap_min, sensor.wrap_max),
                 ),
+                own.limits,
                 (dead_time.whole, dead_time.rest),
-                (plant_run.k, stop, loop.noise_start, running.command, running.policy),
-                (acc, remainders, counts[0]),
+                (plant_run.k, stop, loop.noise_start),
+                (acc, remainders, own.counts),
                 rows,
                 outer,
             )
@@ -104,10 +115,8 @@ class Kernel:
             dead_time.sent = sent.tolist()
             loop.metrics.sums, loop.remainders = acc.tolist(), remainders.tolist()
             if around:
-                state, (said, asked, decided) = outer_states[last], outcome
-                _go_on(facing, state, reference, said, asked, decided, counts[1])
-                reference = inner_reference
-            _go_on(running, states[last], reference, status, command, policy, counts[0])
+                its.give_back(last)
+            own.give_back(last)
         return True
 
     def _cascade_believed(self, experiment: Experiment) -> bool:
@@ -122,24 +131,45 @@ class Kernel:
         return verdict[0]
 
 
-def _go_on(
-    controller: Controller,
-    state: Any,
-    reference: Any,
-    status: int,
-    command: float,
-    policy: PolicyState,
-    counts: Any,
-) -> None:
-    """Let a controller go on from where the compiled loop left it."""
-    controller.state = State(*(part.tolist() for part in state))
-    controller.reference[:] = reference.tolist()
-    controller.policy = policy
-    controller.command = command
-    controller.status = Status(status)
-    controller.commands.unfed = 0.0
-    for each in Status:
-        controller.counts[each] += int(counts[each])
+class _Running:
+    """A controller as the compiled loop takes it."""
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        design, state = controller.design, flat(controller.state)
+        self.states = state, state.copy()
+        self.told = np.zeros(period.SIZE), np.zeros(period.SIZE)
+        policy = controller.policy
+        for told in self.told:
+            told[period.MODE : period.AT_LIMIT] = policy[:-1]
+            told[period.AT_LIMIT : period.COMMAND] = policy.stall
+            told[period.COMMAND] = controller.command
+            told[period.GAIN_VARIABLE] = told[period.DOWNSTREAM] = nan
+            told[period.REFERENCED] = told[period.ENABLED] = 1.0
+        self.reference = np.array(controller.reference)
+        self.counts = np.zeros(len(Status), dtype=np.int64)
+        self.parts = flat(design), *self.states, *self.told
+        self.limits = (
+            *(design.command_min, design.command_max),
+            *(design.reference_min, design.reference_max),
+            *(design.measurement_period, design.levels),
+        )
+
+    def give_back(self, last: int) -> None:
+        """Let the controller go on from where the compiled loop left it."""
+        controller, told = self.controller, self.told[last].tolist()
+        unflat(self.states[last], controller.state)
+        controller.reference[:] = self.reference.tolist()
+        mode, cause, *ages, good, seen, spread = told[period.MODE : period.AT_LIMIT]
+        stall = Stall(*told[period.AT_LIMIT : period.COMMAND])
+        controller.policy = PolicyState(
+            int(mode), int(cause), *ages, int(good), seen, spread, stall
+        )
+        controller.command = told[period.COMMAND]
+        controller.status = Status(int(told[period.STATUS]))
+        controller.commands.unfed = 0.0
+        for each in Status:
+            controller.counts[each] += int(self.counts[each])
 
 
 def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None) -> Kernel | None:
@@ -249,19 +279,3 @@ def _constant(value: Any) -> Any:
         entries = tuple(map(_constant, value))
         return None if None in entries or not entries else entries
     return None
-
-
-def tuple_of(thing: Design | State) -> Any:
-    """Return a design or a state as numba takes it: a named tuple, its lists as arrays."""
-    values = {
-        field.name: _array_of(getattr(thing, field.name), field.name in ('reach', 'sizes'))
-        for field in attrs.fields(type(thing))
-        if field.init
-    }
-    return _fields('Fields(' + ' '.join(values) + ')')(**values)
-
-
-def _array_of(value: Any, integers: bool) -> Any:
-    if not isinstance(value, list):
-        return value
-    return np.array(value, dtype=np.int64 if integers else np.float64)

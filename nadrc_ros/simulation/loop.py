@@ -9,7 +9,7 @@ import attrs
 from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.cascade import Cascade, loops_of
 from nadrc_ros.adrc.settings import ControllerSettings, MAX_LEVELS, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.state import damping
+from nadrc_ros.adrc.state import damping, known_before
 from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import first_period, SentSample
@@ -177,7 +177,9 @@ class Loop:
             truth += damping(controller.design, plant_run.state, (0, *self.derivatives)[-1])
         error = short(followed - y, outer.design.measurement_period)
         self.metrics.add(t, h, error, u, saturated)
-        accumulate_remainders(controller.design, controller.state, truth, t, h, self.remainders)
+        left = truth - known_before(controller.design, controller.state)
+        levels, estimates = controller.design.levels, controller.disturbances
+        accumulate_remainders(left, estimates, levels, t, h, self.remainders)
         self.levels = max(self.levels, controller.design.levels)
         if len(rows):
             row = (

@@ -15,8 +15,6 @@ from math import isfinite, nan, sqrt
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.state import reference_share, State
 from nadrc_ros.simulation.protocols import MutableVector
 
 # Where each sum is, so that the update compiles.
@@ -155,22 +153,18 @@ def accumulate(
 
 
 def accumulate_remainders(
-    design: Design, state: State, truth: float, t: float, h: float, sums: MutableVector
+    left: float, estimates: MutableVector, levels: int, t: float, h: float, sums: MutableVector
 ) -> None:
     """
     Add the period [t, t + h] to the ITAE of what is left after each level, one sum per level.
 
-    ``sums[k]`` grows by h t |L - d_1 - ... - d_{k+1}|, with L the ``truth`` at ``t`` and the
-    estimates after the sample of ``t``: the errors e_3 (inner level) and zeta_3 (both) of the
-    paper. A feed-forward leaves less of L to estimate. What is not finite, or would make a sum
-    overflow, is left out.
+    ``sums[k]`` grows by h t |L - d_1 - ... - d_{k+1}|, with ``left`` the L at ``t`` that there is
+    to estimate and d_k the ``estimates`` after the sample of ``t``: the errors e_3 (inner level)
+    and zeta_3 (both) of the paper. What is not finite, or would make a sum overflow, is left out.
     """
-    remainder = truth + state.gain[0] * state.offset[2]
-    if design.error_based:
-        remainder -= reference_share(design, state.profile)
-    for k in range(design.levels):
-        remainder -= state.levels[k][design.order]
-        total = sums[k] + h * t * abs(remainder)
+    for k in range(levels):
+        left -= estimates[k]
+        total = sums[k] + h * t * abs(left)
         if isfinite(total):
             sums[k] = total
 

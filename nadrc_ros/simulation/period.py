@@ -1,7 +1,9 @@
 """
-The law over one period, with all that goes in and out in one vector: what the compiled loop calls.
+The law over one period, with all that goes in, and out, in one vector: what the loop calls.
 
-These functions are evaluated for the shape of a design (``adrc.specialise``) and then compiled.
+``told`` is a sample and what the period before gave; what this one gives goes into another vector,
+so that a period may be done again. These functions are evaluated for the shape of a design
+(``adrc.specialise``) and then compiled.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from nadrc_ros.adrc.realised import realised_reference
 from nadrc_ros.adrc.reference import estimated, follow
 from nadrc_ros.adrc.sample import regular, Sample
 from nadrc_ros.adrc.settings import MAX_LEVELS, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.state import disturbance_estimate, output_estimate, reference_share, State
+from nadrc_ros.adrc.state import disturbance_estimate, known_before, output_estimate, State
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 from nadrc_ros.adrc.tick import tick
 
@@ -23,8 +25,8 @@ SENT, FEED_FORWARD, DOWNSTREAM, FOREIGN, REFERENCED, ENABLED = range(8, 14)
 MODE, CAUSE, MEASUREMENT_AGE, REFERENCE_AGE, FAULT_AGE, GAP, GOOD, LAST, SPREAD = range(14, 23)
 AT_LIMIT, STALLED, AIM, DISTANCE = range(23, 27)
 # what came of it,
-COMMAND, STATUS, TRACKED, ESTIMATE, DISTURBANCE, FED, SHARE, B0 = range(27, 35)
-FIRST_LEVEL = 35
+COMMAND, STATUS, TRACKED, ESTIMATE, DISTURBANCE, KNOWN, B0 = range(27, 34)
+FIRST_LEVEL = 34
 # and of the reference.
 REALISED = FIRST_LEVEL + MAX_LEVELS
 CHANGED = REALISED + 1
@@ -32,17 +34,19 @@ SIZE = CHANGED + 1 + REFERENCE_DERIVATIVES
 
 
 def regular_period(
-    design: Design, state: State, reference: Vector, told: Vector, out: State
+    design: Design, state: State, reference: Vector, told: Vector, out: State, gives: Vector
 ) -> None:
-    """Advance by a period like all others, of which measurement, span and command are told."""
-    sample = regular(told[MEASUREMENT], told[SPAN], told[APPLIED], told[FEED_FORWARD])
+    """Advance by a period like all others, of which the measurement, span and load are told."""
+    sample = regular(told[MEASUREMENT], told[SPAN], told[COMMAND], told[FEED_FORWARD])
     command, status, policy = tick(
         design, state, _policy(told), sample, reference, True, True, out
     )
-    _tell(design, out, command, status, policy, told)
+    _tell(design, out, command, status, policy, gives)
 
 
-def period(design: Design, state: State, reference: Vector, told: Vector, out: State) -> None:
+def period(
+    design: Design, state: State, reference: Vector, told: Vector, out: State, gives: Vector
+) -> None:
     """Advance by any period."""
     sample = Sample(
         told[MEASUREMENT],
@@ -62,7 +66,7 @@ def period(design: Design, state: State, reference: Vector, told: Vector, out: S
     command, status, policy = tick(
         design, state, _policy(told), sample, reference, referenced, enabled, out
     )
-    _tell(design, out, command, status, policy, told)
+    _tell(design, out, command, status, policy, gives)
 
 
 def realise(design: Design, state: State, told: Vector, unknown: float) -> None:
@@ -97,20 +101,19 @@ def _policy(told: Vector) -> PolicyState:
 
 
 def _tell(
-    design: Design, out: State, command: float, status: int, policy: PolicyState, told: Vector
+    design: Design, out: State, command: float, status: int, policy: PolicyState, gives: Vector
 ) -> None:
-    told[MODE], told[CAUSE] = policy.mode, policy.cause
-    told[MEASUREMENT_AGE], told[REFERENCE_AGE] = policy.measurement_age, policy.reference_age
-    told[FAULT_AGE], told[GAP], told[GOOD] = policy.fault_age, policy.gap, policy.good
-    told[LAST], told[SPREAD] = policy.last, policy.spread
-    told[AT_LIMIT], told[STALLED] = policy.stall.at_limit, policy.stall.stalled
-    told[AIM], told[DISTANCE] = policy.stall.aim, policy.stall.distance
-    told[COMMAND], told[STATUS] = command, status
-    told[TRACKED] = counted(design, out, out.profile[0])
-    told[ESTIMATE] = counted(design, out, output_estimate(design, out))
-    told[B0] = out.gain[0]
-    told[FED] = out.offset[2]
-    told[SHARE] = reference_share(design, out.profile) if design.error_based else 0.0
-    told[DISTURBANCE] = disturbance_estimate(design, out)
+    gives[MODE], gives[CAUSE] = policy.mode, policy.cause
+    gives[MEASUREMENT_AGE], gives[REFERENCE_AGE] = policy.measurement_age, policy.reference_age
+    gives[FAULT_AGE], gives[GAP], gives[GOOD] = policy.fault_age, policy.gap, policy.good
+    gives[LAST], gives[SPREAD] = policy.last, policy.spread
+    gives[AT_LIMIT], gives[STALLED] = policy.stall.at_limit, policy.stall.stalled
+    gives[AIM], gives[DISTANCE] = policy.stall.aim, policy.stall.distance
+    gives[COMMAND], gives[STATUS] = command, status
+    gives[TRACKED] = counted(design, out, out.profile[0])
+    gives[ESTIMATE] = counted(design, out, output_estimate(design, out))
+    gives[B0] = out.gain[0]
+    gives[KNOWN] = known_before(design, out)
+    gives[DISTURBANCE] = disturbance_estimate(design, out)
     for k in range(design.levels):
-        told[FIRST_LEVEL + k] = out.levels[k][design.order]
+        gives[FIRST_LEVEL + k] = out.levels[k][design.order]

@@ -1,0 +1,1 @@
+"""The law for one shape of design: evaluated as far as the shape tells."""

@@ -13,7 +13,16 @@ from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.specialise.evaluator import Evaluator
 from nadrc_ros.adrc.specialise.expressions import gives_of, signature
 from nadrc_ros.adrc.specialise.tidy import tidied
-from nadrc_ros.adrc.specialise.values import Code, Function, load, Memory, Record, Row, store, UNLOADED
+from nadrc_ros.adrc.specialise.values import (
+    Code,
+    Function,
+    load,
+    Memory,
+    Record,
+    Row,
+    store,
+    UNLOADED,
+)
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 
@@ -190,9 +199,7 @@ def _vector(
     if not matrix:
         return evaluator.row(name, len(value), place)
     return tuple(
-        evaluator.row(
-            f'{name}_{i}', len(row), ast.Subscript(place, ast.Constant(i), ast.Load())
-        )
+        evaluator.row(f'{name}_{i}', len(row), ast.Subscript(place, ast.Constant(i), ast.Load()))
         for i, row in enumerate(value)
     )
 
@@ -208,8 +215,7 @@ def symbolic_tuple(evaluator: Evaluator, cls: Any, place: ast.Name) -> Record:
         if kind == Stall.__name__:
             fields[field] = symbolic_tuple(evaluator, Stall, own)
     targets: list[ast.expr] = [
-        store((each.node if isinstance(each, Code) else each.place).id)
-        for each in fields.values()
+        store((each.node if isinstance(each, Code) else each.place).id) for each in fields.values()
     ]
     unpack = ast.Assign([ast.Tuple(targets, ast.Store())], place)
     evaluator.line = inspect.getsourcefile(cls) or '', inspect.getsourcelines(cls)[1]

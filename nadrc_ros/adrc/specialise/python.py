@@ -13,8 +13,17 @@ from pathlib import PurePath
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc import angle, deadband, delay_line, gain, internal_model, law, state, tick
-from nadrc_ros.adrc import transfer
+from nadrc_ros.adrc import (
+    angle,
+    deadband,
+    delay_line,
+    gain,
+    internal_model,
+    law,
+    state,
+    tick,
+    transfer,
+)
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.specialise.program import Program, shape_of
 from nadrc_ros.adrc.specialise.values import load, store
@@ -101,9 +110,7 @@ def _quickened(body: list[ast.stmt], design: Design) -> list[ast.stmt]:
         for node in ast.walk(statement)
         if isinstance(node, (ast.Attribute, ast.Subscript))
     }
-    names = {
-        place: place.translate(_IN_NAMES) for each in places.values() for place in each
-    }
+    names = {place: place.translate(_IN_NAMES) for each in places.values() for place in each}
     names = {place: name for place, name in names.items() if place in used}
     shortened = _Shortened(names)
     body = [shortened.visit(statement) for statement in body]

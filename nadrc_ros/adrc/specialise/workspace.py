@@ -105,9 +105,9 @@ class Workspace:
         """Return a value that is not worked out anew each time it is used."""
         if isinstance(value, tuple):
             return tuple(self.kept(name, part) for part in value)
-        if isinstance(value, Code):
-            if not isinstance(value.node, (ast.Name, ast.Attribute, ast.Constant)):
-                return self.named(name, value)
+        at_hand = ast.Name, ast.Attribute, ast.Constant
+        if isinstance(value, Code) and not isinstance(value.node, at_hand):
+            return self.named(name, value)
         return value
 
     def write(self, vector: Any, index: Any, value: Any) -> None:
@@ -201,9 +201,7 @@ class Workspace:
                 if row.place is None:
                     row.cells[i] = self.join(f'{row.name}_{i}', cell, now, then, other)
 
-    def join(
-        self, name: str, first: Any, second: Any, then: Statements, other: Statements
-    ) -> Any:
+    def join(self, name: str, first: Any, second: Any, then: Statements, other: Statements) -> Any:
         """Return what is one value after the branch ``then``, and another after ``other``."""
         if same(first, second):
             return first
@@ -217,13 +215,13 @@ class Workspace:
             }
             return Record(fields, None, first.cls)
         if isinstance(first, Memory) and isinstance(second, Memory):
-            a, b = first.place, second.place
-            if isinstance(a, ast.Subscript) and isinstance(b, ast.Subscript):
-                if ast.dump(a.value) == ast.dump(b.value):  # two rows of one matrix
-                    indices = Code(a.slice, 'int'), Code(b.slice, 'int')
-                    index = self.join(f'{name}_at', *indices, then, other)
-                    place = ast.Subscript(a.value, index.node, ast.Load())
-                    return attrs.evolve(first, place=place)
+            match first.place, second.place:  # two rows of one matrix
+                case ast.Subscript(matrix, index), ast.Subscript(its, its_index):
+                    if ast.dump(matrix) == ast.dump(its):
+                        indices = Code(index, 'int'), Code(its_index, 'int')
+                        joined = self.join(f'{name}_at', *indices, then, other)
+                        place = ast.Subscript(matrix, joined.node, ast.Load())
+                        return attrs.evolve(first, place=place)
         if isinstance(first, Row) and isinstance(second, Row) and first.place and second.place:
             row = Row(name, [], None, first.kind)
             for i in range(len(first.cells)):
