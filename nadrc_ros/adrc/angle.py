@@ -39,6 +39,8 @@ def receive(design: Design, state: State, reference: Vector) -> None:
     """
     Make the reference that was just received the equivalent that the law follows.
 
+    ``state`` knows the last one, as it came in ``angle[0]``, which the caller goes on with.
+
     One that moves on from the last one received, by less than a quarter of a period, goes on from
     its equivalent: a trajectory keeps its turns, however far the plant lags. Any other goes to the
     equivalent nearest to the output estimate: from where the plant is, the short way. It stays
@@ -52,7 +54,6 @@ def receive(design: Design, state: State, reference: Vector) -> None:
     near = state.angle[1] + change
     if not abs(change) < _JUMP * period:
         near = output_estimate(design, state)
-    state.angle[0] = raw
     reference[0] = raw - whole(raw - near, period)
 
 

@@ -59,7 +59,7 @@ def tick(
     if sent != sent:
         sent = applied
     span = policy.gap + sample.span
-    period = design.measurement_period
+    period, received = design.measurement_period, reference[0]
     if period > 0.0 and referenced:
         receive(design, state, reference)
     possible = design.measurement_min <= measurement <= design.measurement_max
@@ -81,6 +81,8 @@ def tick(
         downstream,
         feed_forward,
     )
+    if period > 0.0 and referenced:
+        out.angle[0] = received
     used = status < NO_MEASUREMENT
     if not used:
         acting = applied - state.offset[2]

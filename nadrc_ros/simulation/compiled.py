@@ -226,6 +226,8 @@ def compiled_loop(
                 asked[period.FOLLOWED] = 1.0 if told[period.MODE] == MODE_OK else 0.0
                 asked[period.SENT] = asked[period.COMMAND]
                 around(facing, outer_state, reference, asked, outer_spare, asks)
+                if asks[period.LEFT] > 0.0:
+                    break
                 asking = asks[period.COMMAND]
                 if not reference_min <= asking <= reference_max:
                     break
@@ -233,6 +235,8 @@ def compiled_loop(
                 measured_rate = x[controlled] + rate_noise[k - noise_start]
                 told[period.MEASUREMENT] = measured_rate
                 regular(design, state, follows, told, spare, gives)
+            if gives[period.LEFT] > 0.0:
+                break
             u = gives[period.COMMAND]
             disturbances(disturbance, t, w)
             reached = acting = later = u

@@ -25,14 +25,16 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-# What is rare, or large, is a function of its own; of what has large matrices the loops stay.
+# What is large is a function of its own; of what has large matrices the loops stay.
 APART = frozenset(
-    (
-        *(law._refuse, law._restart, deadband.mind_deadband, gain.follow_gain),
-        *(delay_line.pass_through, state.start, transfer.adopt_reference, tick._without_sample),
-    )
+    (deadband.mind_deadband, gain.follow_gain, delay_line.pass_through, tick._without_sample)
 )
-ROLLED = frozenset((internal_model.place_known, period.estimate_derivatives))
+ROLLED = frozenset(
+    (law._refuse, internal_model.place_known, period.estimate_derivatives)
+)
+# What happens at a start, or after a fault, is left to plain Python: it would take longer to
+# compile than all else.
+LEFT = frozenset((law._restart, tick._take_over, state.start, transfer.adopt_reference))
 FUNCTIONS = period.regular_period, period.period, period.realise, period.estimate_derivatives
 
 
@@ -83,7 +85,7 @@ def unflat(numbers: Array, state: State) -> None:
 
 def sources(design: Design) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the code of all functions by name, in the order of their calls, and what it uses."""
-    program = Program(design, apart=APART, rolled=ROLLED)
+    program = Program(design, (), APART, ROLLED, LEFT, _leave)
     for function in FUNCTIONS:
         sizes = {'told': period.SIZE, 'gives': period.SIZE, 'memory': len(blank_memory())}
         names = function.__annotations__
@@ -93,6 +95,12 @@ def sources(design: Design) -> tuple[dict[str, str], dict[str, Any]]:
         {each.name: _source(each, layouts) for each in program.functions.values()},
         SCOPE | program.called,
     )
+
+
+def _leave() -> list[ast.stmt]:
+    """Say that the period is not done."""
+    left = ast.Subscript(load('gives'), ast.Constant(period.LEFT), ast.Store())
+    return [ast.Assign([left], ast.Constant(1.0)), ast.Return(None)]
 
 
 def _source(function: Function, layouts: dict[Any, dict[str, Field]]) -> str:

@@ -30,7 +30,9 @@ FIRST_LEVEL = 34
 # and of the reference.
 REALISED = FIRST_LEVEL + MAX_LEVELS
 CHANGED = REALISED + 1
-SIZE = CHANGED + 1 + REFERENCE_DERIVATIVES
+# Whether the period was left undone.
+LEFT = CHANGED + 1 + REFERENCE_DERIVATIVES
+SIZE = LEFT + 1
 
 
 def regular_period(
@@ -103,6 +105,7 @@ def _policy(told: Vector) -> PolicyState:
 def _tell(
     design: Design, out: State, command: float, status: int, policy: PolicyState, gives: Vector
 ) -> None:
+    gives[LEFT] = 0.0
     gives[MODE], gives[CAUSE] = policy.mode, policy.cause
     gives[MEASUREMENT_AGE], gives[REFERENCE_AGE] = policy.measurement_age, policy.reference_age
     gives[FAULT_AGE], gives[GAP], gives[GOOD] = policy.fault_age, policy.gap, policy.good

@@ -17,7 +17,7 @@ Source: N. Jones, C. Gomard, P. Sestoft, Partial Evaluation and Automatic Progra
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from copy import copy
 from functools import cache
 import inspect
@@ -40,20 +40,30 @@ from nadrc_ros.adrc.specialise.workspace import Known, RETURNED, Scope, Statemen
 
 # Evaluates a call apart: returns the name to call, or None to have it evaluated here.
 Apart = Callable[[Any, dict[str, Any]], str | None]
+# Statements that end the code where it would call what it does not do.
+Leave = Callable[[], Statements]
 
 
 class Evaluator(Expressions):
     """
     Evaluate one function into statements, with all that it calls but what is kept ``apart``.
 
-    Loops are unrolled unless ``rolled``.
+    Where it would call what is ``left`` to others, it ends with the statements ``leave``. Loops are
+    unrolled unless ``rolled``.
     """
 
     def __init__(
-        self, parameters: Iterable[str], apart: Apart | None = None, rolled: bool = False
+        self,
+        parameters: Iterable[str],
+        apart: Apart | None = None,
+        left: Collection[Any] = (),
+        leave: Leave = list,
+        rolled: bool = False,
     ) -> None:
         super().__init__(parameters)
         self._apart = apart
+        self._left = left
+        self._leave = leave
         self._rolled = rolled
 
     def run(self, function: Any, arguments: Sequence[Any]) -> Statements:
@@ -65,6 +75,11 @@ class Evaluator(Expressions):
     def call(self, function: Any, positional: list[Any], named: dict[str, Any]) -> Any:
         """Evaluate a call where it is; return its value."""
         bound = bind(function, positional, named)
+        if function in self._left:
+            for statement in self._leave():
+                self.emit(statement)
+            zeros = tuple({'float': 0.0, 'int': 0, 'bool': False}[k] for k in gives_of(function))
+            return zeros[0] if len(zeros) == 1 else zeros
         if self._apart is not None:
             name = self._apart(function, bound)
             if name is not None:

@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.sample import Sample
-from nadrc_ros.adrc.specialise.evaluator import Evaluator
+from nadrc_ros.adrc.specialise.evaluator import Evaluator, Leave
 from nadrc_ros.adrc.specialise.expressions import gives_of, signature
 from nadrc_ros.adrc.specialise.tidy import tidied
 from nadrc_ros.adrc.specialise.values import (
@@ -66,7 +66,8 @@ class Program:
     Functions of the law, evaluated for the shape of a design.
 
     ``original`` are called as they are, ``apart`` become functions of their own; those that are
-    ``rolled`` do so too, and keep their loops.
+    ``rolled`` do so too, and keep their loops. The code ends with the statements ``leave`` where it
+    would call what is ``left`` to others.
     """
 
     def __init__(
@@ -75,6 +76,8 @@ class Program:
         original: Collection[Any] = (),
         apart: Collection[Any] = (),
         rolled: Collection[Any] = (),
+        left: Collection[Any] = (),
+        leave: Leave = list,
     ) -> None:
         self.design = design
         self.functions: dict[Any, Function] = {}
@@ -82,6 +85,8 @@ class Program:
         self._original = original
         self._apart = apart
         self._rolled = rolled
+        self._left = left
+        self._leave = leave
 
     def add(self, function: Any, **sizes: int) -> Function:
         """
@@ -112,7 +117,7 @@ class Program:
 
     def _evaluate(self, function: Any, bound: dict[str, Any], name: str) -> Function:
         rolled = function in self._rolled
-        evaluator = Evaluator(bound, self._called_apart, rolled)
+        evaluator = Evaluator(bound, self._called_apart, self._left, self._leave, rolled)
         arguments = []
         for each in signature(function).parameters.values():
             arguments.append(self._argument(evaluator, each, bound.get(each.name), rolled))

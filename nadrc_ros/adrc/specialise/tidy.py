@@ -52,6 +52,8 @@ def _needed(body: Statements, loads: Counter[str]) -> Statements:
             case ast.Pass():
                 continue
         kept.append(statement)
+        if isinstance(statement, ast.Return):
+            break
     return kept
 
 
