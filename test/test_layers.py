@@ -39,6 +39,8 @@ IMPURE = {
     *('threading', 'subprocess', 'asyncio', 'tempfile', 'shutil', 'scipy', 'matplotlib', 'yaml'),
 }
 LOUD = {'print', 'open', 'input', 'breakpoint', 'exec', 'eval'}
+# What makes functions of code that it wrote itself.
+MAKER = PACKAGE / 'adrc' / 'specialise' / 'python.py'
 FORBIDDEN_AT_START = ('rclpy', 'time', 'logging', 'scipy', 'numba', 'matplotlib', 'yaml', 'typer')
 
 
@@ -116,7 +118,8 @@ def test_the_law_and_the_simulation_are_pure(floor: str) -> None:
             for node in nodes
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
         }
-        assert not called & LOUD, path
+        loud = LOUD - {'exec'} if path == MAKER else LOUD
+        assert not called & loud, path
 
 
 def test_numpy_stays_out_of_the_law() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
-from functools import cache
 from math import copysign, log
 from typing import Any
 
@@ -21,13 +19,11 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.simulation.experiment import Experiment, Retune
 from nadrc_ros.simulation.faults import Faults, MeasurementFault
-from nadrc_ros.simulation.kernel import Kernel
 from nadrc_ros.simulation.loop import Loop, ROW_WIDTH
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.simulation.plants import Chain
 from nadrc_ros.simulation.sensor import Sensor
 from nadrc_ros.simulation.signals import Step
-from nadrc_ros.simulation.simulate import kernel_of
 from nadrc_ros.theory.loop import chain as linear_chain
 from nadrc_ros.theory.loop import loop_growth
 import numpy as np
@@ -147,13 +143,6 @@ def settling(settings: ControllerSettings, plant: Chain, delay: float) -> int:
     return round(periods + settings.startup_time * RATE)
 
 
-@cache
-def compiled() -> Any:
-    found = kernel_of(experiment(Chain(), 1, 2), 2, compiled=True)
-    assert found is not None
-    return found
-
-
 def experiment(plant: Chain, load_at: int, end: int, **more: Any) -> Experiment:
     return Experiment(
         plant=plant,
@@ -181,18 +170,11 @@ def errors(settings: ControllerSettings, whole: Experiment, reset_at: int = 0) -
     loop, rows = Loop(whole, settings), np.full((whole.steps, ROW_WIDTH), np.nan)
     if reset_at:
         loop.experiment = attrs.evolve(whole, duration=reset_at * H)
-        loop.run(rows, compiled_for(whole))
+        loop.run(rows)
         loop.controller.reset()
         loop.experiment = whole
-    loop.run(rows, compiled_for(whole))
+    loop.run(rows)
     return SETPOINT - rows[:, 3]
-
-
-def compiled_for(whole: Experiment) -> Any:
-    """Return the one compiled loop with the numbers of this experiment."""
-    found = copy(compiled())
-    found.fields = Kernel(whole).fields
-    return found
 
 
 def judge(after: Any, fresh: Any, load_at: int) -> None:

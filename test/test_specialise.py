@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from math import inf, nan
 import random
-from typing import Any
 
-import attrs
 from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import at_least, bits, state_bits, varied_settings
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.adrc.specialise.evaluator import Evaluator
-from nadrc_ros.adrc.specialise.program import shape_of
-from nadrc_ros.adrc.specialise.python import source_of, specialised
-from nadrc_ros.adrc.specialise.values import Code, load, Refused
 from nadrc_ros.adrc.tick import tick
 import pytest
 from test_all_features import everything, World

@@ -8,13 +8,18 @@ from math import inf
 from typing import Any
 
 from law_helpers import design_of, Observer
-from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.sample import regular
-from nadrc_ros.adrc.state import blank_state
-from nadrc_ros.adrc.supervisor import PolicyState
-from nadrc_ros.adrc.tick import tick
-from nadrc_ros.simulation.compiled import share_law
-from nadrc_ros.simulation.kernel import tuple_of
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.simulation.compiled import compiled_law
+from nadrc_ros.simulation.kernel import Running
+from nadrc_ros.simulation.period import (
+    COMMAND,
+    FEED_FORWARD,
+    FIRST_LEVEL,
+    MEASUREMENT,
+    SPAN,
+)
 from nadrc_ros.theory.delayed import command_variance, delayed_loop
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.model import disturbance_weights, residual
@@ -30,7 +35,7 @@ from theory_helpers import (
     observer,
     output_covariance,
     response,
-    wide_design,
+    WIDE,
 )
 
 H = 0.01
@@ -110,50 +115,51 @@ def crossover(order: int, bandwidths: Sequence[float]) -> float:
 
 @pytest.fixture(scope='module')
 def compiled() -> Any:
-    """The functions of the law as they are, compiled, around a chain of integrators."""
-    share_law()
+    """A chain of integrators around the functions of the law as they are compiled."""
 
     @numba.njit  # type: ignore[untyped-decorator, unused-ignore]
-    def run(
-        design: Any, state: Any, out: Any, policy: Any, a: Any, b: Any, noise: Any, left: Any
-    ) -> Any:
-        x, u, h = np.zeros(len(b)), 0.0, 0.01
-        reference: Any = np.zeros(design.order + 1)
+    def run(period: Any, law: Any, reference: Any, a: Any, b: Any, x: Any, given: Any) -> Any:
+        design, state, out, told, gives = law
+        noise, left, levels = given
         commands = np.zeros(len(noise))
         for k in range(len(noise)):
-            y = x[0] + noise[k]
-            sample = regular(y, h, u, 0.0)
-            u, _, policy = tick(design, state, policy, sample, reference, True, True, out)
-            state, out = out, state
-            x = a @ x + b * u
-            commands[k] = u
-            total = 0.0
-            for level in state.levels:
-                total += level[design.order]
-            left[k] = total
+            told[MEASUREMENT], told[SPAN], told[FEED_FORWARD] = x[0] + noise[k], H, 0.0
+            period(design, state, reference, told, out, gives)
+            state, out, told, gives = out, state, gives, told
+            x = a @ x + b * told[COMMAND]
+            commands[k] = told[COMMAND]
+            left[k] = np.sum(told[FIRST_LEVEL : FIRST_LEVEL + levels])
         return commands
 
     return run
 
 
-def simulate(run: Any, design: Design) -> tuple[Any, Any]:
+def simulate(run: Any, settings: ControllerSettings) -> tuple[Any, Any]:
     """Return the command and the summed estimate minus what the command explains of it."""
+    controller = Controller(settings)
+    for _ in range(10):  # it is in control then
+        controller.tick(0.0, H, reference=[0.0])
+    design, running = controller.design, Running(controller)
     plant = zero_order_hold(chain(design.order, design.b0), H)
     noise = np.random.default_rng(7).standard_normal(SAMPLES)
-    state, out = (tuple_of(blank_state(design)) for _ in range(2))
-    disturbances = np.zeros(SAMPLES)
+    given = noise, np.zeros(SAMPLES), design.levels
+    period = compiled_law(design)['regular_period']
     b = plant.b[:, 0].copy()
-    commands = run(tuple_of(design), state, out, PolicyState(), plant.a, b, noise, disturbances)
-    return commands[2000:], disturbances[2000:]
+    commands = run(period, running.parts, running.reference, plant.a, b, 0.0 * b, given)
+    return commands[2000:], given[1][2000:]
 
 
 @pytest.mark.parametrize('structure', LINEAR)
 def test_variances_of_a_long_run_of_the_loop(structure: str, compiled: Any) -> None:
     """Of the summed estimate and of the command, both in closed loop, n = 2 and w h = 0.3, 0.2."""
-    design = wide_design(
-        structure=structure, inner_bandwidth=30.0, outer_bandwidth=20.0, controller_bandwidth=5.0
-    )
-    commands, disturbances = simulate(compiled, design)
+    bandwidths: dict[str, Any] = {
+        'inner_bandwidth': 30.0,
+        'outer_bandwidth': 20.0,
+        'controller_bandwidth': 5.0,
+    }
+    settings = ControllerSettings(**WIDE, structure=structure, **bandwidths)
+    commands, disturbances = simulate(compiled, settings)
+    design = make_design(settings)
     predicted = command_variance(delayed_loop(design, chain(design.order, design.b0), H))
     assert np.var(commands) == pytest.approx(predicted, rel=0.03)
     assert np.var(disturbances) == pytest.approx(disturbance_variance(design, H), rel=0.03)

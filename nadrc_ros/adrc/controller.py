@@ -221,10 +221,9 @@ class Controller:
 
     def specialise(self) -> None:
         """
-        Let the law run as straight-line code for its shape, in less time, with the same bits.
+        Let the law run as code that is made for its shape, in a tenth of a second: the same bits.
 
-        That code takes a tenth of a second to make, so a live change to another shape, as of the
-        structure or to a feature that was off, goes on with the law as it is written.
+        A live change to a shape of which there is none goes on with the law as it is written.
         """
         self._law = specialised(tick, self.design)
 
@@ -381,11 +380,7 @@ class Controller:
         return disturbance_estimate(self.design, self.state)
 
     def _swap(
-        self,
-        settings: ControllerSettings,
-        design: Design,
-        command: float,
-        dt: float,
+        self, settings: ControllerSettings, design: Design, command: float, dt: float
     ) -> float:
         """Take over new settings on the state just reached, and return the command under them."""
         sample = self.sample
@@ -402,6 +397,5 @@ class Controller:
         )
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None
-        if self._law is not tick:
-            self._law = specialised(tick, design, make=False)
+        self._law = specialised(tick, design, make=False)
         return clamp(design, command)

@@ -25,6 +25,7 @@ from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.specialise.program import shape_of
+from nadrc_ros.adrc.specialise.python import defined
 from nadrc_ros.adrc.state import copy_vector, damping
 from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.simulation import period
@@ -114,9 +115,9 @@ class _Law(dict[str, Any]):
         self._hash = sha256(code.encode()).hexdigest()[:16]
         for name, source in self._sources.items():
             # As if from this file: what is kept on disk lies beside a file that there is.
-            exec(compile(source, __file__, 'exec'), self._scope)
+            function = defined(name, source, self._scope, __file__)
             if name not in _SIGNATURES:
-                self._scope[name] = numba.njit(error_model='numpy')(self._scope[name])
+                self._scope[name] = numba.njit(error_model='numpy')(function)
 
     def __missing__(self, name: str) -> Any:
         function = self._scope[name]

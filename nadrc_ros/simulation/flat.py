@@ -29,9 +29,7 @@ Array = npt.NDArray[np.float64]
 APART = frozenset(
     (deadband.mind_deadband, gain.follow_gain, delay_line.pass_through, tick._without_sample)
 )
-ROLLED = frozenset(
-    (law._refuse, internal_model.place_known, period.estimate_derivatives)
-)
+ROLLED = frozenset((law._refuse, internal_model.place_known, period.estimate_derivatives))
 # What happens at a start, or after a fault, is left to plain Python: it would take longer to
 # compile than all else.
 LEFT = frozenset((law._restart, tick._take_over, state.start, transfer.adopt_reference))
@@ -153,8 +151,9 @@ class _Flattened(ast.NodeTransformer):
 
 
 def _sum(place: ast.expr, index: ast.expr, stride: int) -> ast.expr:
-    if isinstance(place, ast.Constant) and isinstance(index, ast.Constant):
-        return ast.Constant(place.value + index.value * stride)
+    match place, index:
+        case ast.Constant(int(begin)), ast.Constant(int(number)):
+            return ast.Constant(begin + number * stride)
     if stride != 1:
         index = ast.BinOp(index, ast.Mult(), ast.Constant(stride))
     return ast.BinOp(place, ast.Add(), index)

@@ -56,7 +56,7 @@ class Kernel:
             return False
         acc, remainders = np.array(loop.metrics.sums), np.array(loop.remainders)
         facing = around[0] if around else running
-        own, its = _Running(running), _Running(facing)
+        own, its = Running(running), Running(facing)
         xs = np.array([plant_run.state] * 3, dtype=np.float64)
         dead_time = plant_run.dead_time
         sent = np.array(dead_time.sent)
@@ -131,7 +131,7 @@ class Kernel:
         return verdict[0]
 
 
-class _Running:
+class Running:
     """A controller as the compiled loop takes it."""
 
     def __init__(self, controller: Controller) -> None:
@@ -160,11 +160,11 @@ class _Running:
         controller, told = self.controller, self.told[last].tolist()
         unflat(self.states[last], controller.state)
         controller.reference[:] = self.reference.tolist()
-        mode, cause, *ages, good, seen, spread = told[period.MODE : period.AT_LIMIT]
+        numbers: list[Any] = told[period.MODE : period.AT_LIMIT]
+        for i in (period.MODE, period.CAUSE, period.GOOD):
+            numbers[i - period.MODE] = int(told[i])
         stall = Stall(*told[period.AT_LIMIT : period.COMMAND])
-        controller.policy = PolicyState(
-            int(mode), int(cause), *ages, int(good), seen, spread, stall
-        )
+        controller.policy = PolicyState._make([*numbers, stall])
         controller.command = told[period.COMMAND]
         controller.status = Status(int(told[period.STATUS]))
         controller.commands.unfed = 0.0

@@ -21,7 +21,6 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from copy import copy
 from functools import cache
 import inspect
-import sys
 from typing import Any
 
 import attrs
@@ -48,8 +47,8 @@ class Evaluator(Expressions):
     """
     Evaluate one function into statements, with all that it calls but what is kept ``apart``.
 
-    Where it would call what is ``left`` to others, it ends with the statements ``leave``. Loops are
-    unrolled unless ``rolled``.
+    Where it would call what is ``left`` to others, it ends with the statements ``leave``. Loops
+    are unrolled unless ``rolled``.
     """
 
     def __init__(
@@ -180,7 +179,8 @@ class Evaluator(Expressions):
         """Run a branch from what is known before it; return what it writes, and if it returns."""
         self.forget(before)
         written, line = self.body, self.line
-        self.body = branch = []
+        branch: Statements = []
+        self.body = branch
         ended = self._run(statements)
         self.body, self.line = written, line
         return branch, ended
@@ -231,7 +231,8 @@ class Evaluator(Expressions):
         written, again = self.body, dict[str, str]()
         while True:
             before = self.known()
-            self.body = inner = []
+            inner: Statements = []
+            self.body = inner
             header = self._header(statement)
             if self._run(statement.body):
                 raise self.refused('a return in a loop whose end is not known')
@@ -301,8 +302,8 @@ class Evaluator(Expressions):
             values = ast.Tuple([self.expression(now) for _, now in pairs], ast.Load())
             inner.append(self.sourced(ast.Assign([ast.Tuple(targets, ast.Store())], values)))
             return
-        for target, (_, now) in zip(targets, pairs):
-            inner.append(self.sourced(ast.Assign([target], self.expression(now))))
+        for place, (_, now) in zip(targets, pairs):
+            inner.append(self.sourced(ast.Assign([place], self.expression(now))))
 
 
 def _may_return(statement: ast.stmt) -> bool:
@@ -319,7 +320,7 @@ def _over_range(statement: ast.For) -> bool:
 @cache
 def parsed(function: Any) -> ast.FunctionDef:
     """Return the syntax tree of a function of a module."""
-    return _functions(sys.modules[function.__module__])[function.__name__]
+    return _functions(inspect.getmodule(function))[function.__name__]
 
 
 @cache

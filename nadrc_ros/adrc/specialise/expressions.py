@@ -142,10 +142,12 @@ class Expressions(Workspace):
     def _choose(self, test: Code, body: ast.expr, orelse: ast.expr) -> Any:
         """Evaluate one expression or the other; in a branch, where one has statements."""
         before, written = self.known(), self.body
-        self.body = then = []
+        then: Statements = []
+        self.body = then
         first, after = self.value(body), self.known()
         self.forget(before)
-        self.body = other = []
+        other: Statements = []
+        self.body = other
         second = self.value(orelse)
         self.body = written
         if then or other:

@@ -66,8 +66,8 @@ class Program:
     Functions of the law, evaluated for the shape of a design.
 
     ``original`` are called as they are, ``apart`` become functions of their own; those that are
-    ``rolled`` do so too, and keep their loops. The code ends with the statements ``leave`` where it
-    would call what is ``left`` to others.
+    ``rolled`` do so too, and keep their loops. The code ends with the statements ``leave`` where
+    it would call what is ``left`` to others.
     """
 
     def __init__(
@@ -213,15 +213,14 @@ def symbolic_tuple(evaluator: Evaluator, cls: Any, place: ast.Name) -> Record:
     """Return a named tuple of which nothing is known, taken apart at the beginning."""
     fields: dict[str, Any] = {}
     begin = len(evaluator.body)
+    targets: list[ast.expr] = []
     for field, annotation in cls.__annotations__.items():
         kind = getattr(annotation, '__forward_arg__', annotation)
         own = load(evaluator.fresh(f'{place.id}_{field}'))
+        targets.append(store(own.id))
         fields[field] = Code(own, kind)
         if kind == Stall.__name__:
             fields[field] = symbolic_tuple(evaluator, Stall, own)
-    targets: list[ast.expr] = [
-        store((each.node if isinstance(each, Code) else each.place).id) for each in fields.values()
-    ]
     unpack = ast.Assign([ast.Tuple(targets, ast.Store())], place)
     evaluator.line = inspect.getsourcefile(cls) or '', inspect.getsourcelines(cls)[1]
     evaluator.body.insert(begin, evaluator.sourced(unpack))

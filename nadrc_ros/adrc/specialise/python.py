@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 import math
-from pathlib import PurePath
 from typing import Any
 
 import attrs
@@ -52,9 +51,14 @@ def specialised(function: Any, design: Design, make: bool = True) -> Any:
     key = function, shape_of(design)
     if make and key not in _MADE:
         source, scope = source_of(function, design)
-        exec(compile(source, f'<{function.__name__} of {key[1]}>', 'exec'), scope)
-        _MADE[key] = scope[function.__name__]
+        _MADE[key] = defined(function.__name__, source, scope, f'<law of {key[1]}>')
     return _MADE.get(key, function)
+
+
+def defined(name: str, source: str, scope: dict[str, Any], file: str) -> Any:
+    """Return a function from its source, that of a ``file`` in what is said of it."""
+    exec(compile(source, file, 'exec'), scope)
+    return scope[name]
 
 
 def source_of(function: Any, design: Design) -> tuple[str, dict[str, Any]]:
@@ -92,7 +96,7 @@ def text(body: list[ast.stmt], depth: int) -> Iterator[str]:
             case _:
                 file, number = getattr(statement, 'source', ('', 0))
                 statement.lineno = number
-                yield f'{pad}{ast.unparse(statement)}  # {PurePath(file).name}:{number}'
+                yield f'{pad}{ast.unparse(statement)}  # {file.rpartition("/")[2]}:{number}'
 
 
 def _quickened(body: list[ast.stmt], design: Design) -> list[ast.stmt]:
@@ -139,8 +143,8 @@ class _Shortened(ast.NodeTransformer):
     def __init__(self, names: dict[str, str]) -> None:
         self._names = names
 
-    def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
+    def generic_visit(self, node: ast.AST) -> Any:
+        if not isinstance(node, (ast.Subscript, ast.Attribute)):
+            return super().generic_visit(node)
         name = self._names.get(ast.unparse(node))
-        return self.generic_visit(node) if name is None else load(name)  # type: ignore[return-value]
-
-    visit_Attribute = visit_Subscript
+        return super().generic_visit(node) if name is None else load(name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterable
 from math import isfinite, isnan
-from types import FunctionType
 from typing import Any
 
 import attrs
@@ -32,7 +31,7 @@ Statements = list[ast.stmt]
 class Scope:
     """The names of one call, and what they are."""
 
-    function: FunctionType
+    function: Any
     values: dict[str, Any]
     outermost: bool = False
 
@@ -225,11 +224,9 @@ class Workspace:
         if isinstance(first, Row) and isinstance(second, Row) and first.place and second.place:
             row = Row(name, [], None, first.kind)
             for i in range(len(first.cells)):
-                entries = [
-                    Code(ast.Subscript(each.place, ast.Constant(i), ast.Load()), each.kind)
-                    for each in (first, second)
-                ]
-                row.cells.append(self.join(f'{name}_{i}', *entries, then, other))
+                one = Code(ast.Subscript(first.place, ast.Constant(i), ast.Load()), row.kind)
+                two = Code(ast.Subscript(second.place, ast.Constant(i), ast.Load()), row.kind)
+                row.cells.append(self.join(f'{name}_{i}', one, two, then, other))
             return row
         numbers = (Code, bool, int, float)
         if not (isinstance(first, numbers) and isinstance(second, numbers)):
