@@ -66,6 +66,7 @@ class ControllerNode(LiveNode):
         self.controller = Controller(
             settings, enabled=self._loop.enabled_at_start, checked=in_lockstep
         )
+        self.controller.specialise()
         self.reference_from = self._loop.reference_from
         references = () if self.reference_from else reference_topics(settings)
         self._reference = ReferenceInput(len(references))
