@@ -295,6 +295,9 @@ def compiled_loop(
                     row[ROW_WIDTH] = asking
                     row[ROW_WIDTH + 1] = x[controlled]
                     row[ROW_WIDTH + 2] = measured_rate
+            for i in (period.MODE, period.CAUSE):
+                if gives[i] != told[i]:
+                    stop = k + 1
             state, spare = spare, state
             told, gives = gives, told
             if outer is not None:

@@ -33,8 +33,9 @@ INNER_COLUMNS = ('reference', 'output', 'measurement')
 _NOISE_BLOCK = 8192
 
 # kernel(loop, stop, rows) advances the loop towards period ``stop``, up to which no setting
-# changes and there is noise. It stops before a period it cannot do, and returns False when it
-# cannot go on at all; the loop is then as it was.
+# changes and there is noise. It stops before a period it cannot do, and after one in which the
+# mode of the controller or its cause changed, and returns False when it cannot go on at all; the
+# loop is then as it was.
 Kernel = Callable[['Loop', int, Array], bool]
 
 
@@ -118,7 +119,8 @@ class Loop:
                 begin = plant_run.k
                 if plant_run.k < stop and not kernel(self, stop, rows):
                     kernel = None
-                self._note_mode(begin / self.experiment.rate)
+                if plant_run.k > begin:
+                    self._note_mode((plant_run.k - 1) / self.experiment.rate)
                 self._newest = SentSample(nan, plant_run.k - 1.0, plant_run.k - 1)
                 self.acting = self.controller.command
                 if plant_run.k == drawn:
