@@ -37,8 +37,8 @@ SETPOINT = 0.3
 # What a loop that is at rest to rounding may still differ by, of what the load does.
 TOLERANCE = 0.01
 REST = 1e-7
-LONGEST = 8_000  # periods
-CASES = 40
+LONGEST = 4_000  # periods
+CASES = 20
 FIELDS = {name: f for name, f in declared(ControllerSettings).items() if f.live}
 
 

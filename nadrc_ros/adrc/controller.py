@@ -385,15 +385,8 @@ class Controller:
         """Take over new settings on the state just reached, and return the command under them."""
         sample = self.sample
         self.state = retune(
-            self.design,
-            design,
-            self.state,
-            self.reference,
-            sample.applied,
-            dt,
-            sample.sent,
-            sample.downstream,
-            self._next,
+            *(self.design, design, self.state, self.reference, sample.applied, dt),
+            *(sample.sent, sample.downstream, self._next),
         )
         self._next = blank_state(design)
         self.settings, self.design, self._pending = settings, design, None
