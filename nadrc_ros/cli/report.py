@@ -41,7 +41,7 @@ def report(
     Make a page of one run, or of several to compare them.
 
     It has interactive plots, figures of merit, the disturbance estimates against the truth, the
-    spectrum of the command, latencies, and the parameters with their changes on the way.
+    spectrum of the command, latencies, and the parameters with their changes.
 
     Example: nadrc report runs/20260101-120000, or nadrc report runs/A log.csv --page ab.html
     """
