@@ -227,11 +227,11 @@ def test_a_pole_that_was_found_may_be_told_to_the_controller() -> None:
     plant = identify(log_of(run_of(loads(LAG))), 1)
     settings = ControllerSettings(plant_order=1, b0=5.0, controller_bandwidth=4.0)
     said = known_dynamics(plant, settings)
-    assert 'damping may be told' in said and f'--plant-poles {-plant.damping.value:.3g}.' in said
+    assert 'damping may be given' in said and f'--plant-poles {-plant.damping.value:.3g}.' in said
     for wc, w in ((40.0, 200.0), (0.2, 1.0)):  # hardly felt, and hardly seen
         other = attrs.evolve(settings, controller_bandwidth=wc, inner_bandwidth=w)
         assert known_dynamics(plant, other) == ''
     late = attrs.evolve(plant, late='lag', lateness=Estimate(value=0.05, error=1e-3))
     said = known_dynamics(late, settings)
-    assert said.startswith('The damping and the lag, here taken for a delay, may be told')
+    assert said.startswith('The damping and the lag, here taken for a delay, may be given')
     assert 'plant_order 2, b0 100, plant_poles [-20.0, -' in said

@@ -38,7 +38,9 @@ def identify(
     ],
     order: Annotated[
         Optional[int],
-        typer.Option(min=1, max=3, help='Order of the plant; by default what explains it best.'),
+        typer.Option(
+            min=1, max=3, help='Order of the plant; by default the best one for the log.'
+        ),
     ] = None,
     b0: Annotated[
         Optional[float], typer.Option(help='The b0 in use, to say how far it is off.')

@@ -15,7 +15,7 @@ def summarise(
     Write summary.json for a run whose recorder was killed.
 
     The figures are those of the recorder, from the samples that reached the disk. A summary that
-    the recorder wrote at the end of the run is left as it is.
+    the recorder wrote at the end of the run is left unchanged.
 
     Example: nadrc summarise runs/20260101-120000
     """

@@ -71,7 +71,7 @@ class Workspace:
 
     def refused(self, what: str) -> Refused:
         """Return the error that names the line."""
-        return Refused(f'{self.line[0]}:{self.line[1]}: cannot be specialised: {what}')
+        return Refused(f'{self.line[0]}:{self.line[1]}: cannot be specialized: {what}')
 
     # ---- writing
 

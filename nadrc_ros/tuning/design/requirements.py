@@ -78,7 +78,7 @@ class Requirements:
         0.0,
         HIGHEST,
         'unit of y^(n)',
-        'size of the disturbance to expect; 0 = what a tenth of command_limit cancels',
+        'size of the disturbance to expect; 0 = one that a tenth of command_limit cancels',
     )
     disturbance_frequency: float = number(
         0.0,
@@ -100,7 +100,9 @@ class Requirements:
     )
     one_sided: bool = flag(False, 'the command is never negative, as that of a heater')
     structure: str = choice(
-        'advised', ('advised', *LINEAR), 'observer; advised = one or nested, what rejects best'
+        'advised',
+        ('advised', *LINEAR),
+        'observer; advised = one or nested, the better one',
     )
     levels: int = integer(
         0, 0, MAX_LEVELS, 'levels of a nested or cascade observer; 0 = advised, 2 for a cascade'

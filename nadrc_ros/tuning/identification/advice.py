@@ -201,7 +201,7 @@ def known_dynamics(plant: Plant, settings: ControllerSettings) -> str:
         return ''
     told = [f'--plant-poles {p:g}' for p in poles]
     return (
-        f'The {" and the ".join(found)} may be told to the controller: plant_order {order}, '
+        f'The {" and the ".join(found)} may be given to the controller: plant_order {order}, '
         f'b0 {b0:g}, plant_poles {poles}; '
         f'for a design with them: --order {order} --b0 {b0:g} {" ".join(told)}.'
     )

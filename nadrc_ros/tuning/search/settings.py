@@ -65,7 +65,7 @@ class TuneSettings:
 
     """
 
-    objective: str = choice('itae', OBJECTIVES, 'figure of merit of tracking to make least')
+    objective: str = choice('itae', OBJECTIVES, 'figure of merit of tracking to minimize')
     noise_free: bool = flag(
         False, 'take the objective from a run without noise; the effort stays that with noise'
     )
@@ -83,7 +83,7 @@ class TuneSettings:
     population: int = integer(40, 4, 10_000, 'designs of a generation')
     seeds: int = integer(3, 1, 10_000, 'noise sequences to average over')
     seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
-    over: str = choice('worst', ('worst', 'mean'), 'of the corners, which value counts')
+    over: str = choice('worst', ('worst', 'mean'), 'value of the corners that counts')
     gain_margin: float = number(
         LEAST_GAIN,
         1.0,
