@@ -318,8 +318,8 @@ def test_poor_runs_have_a_page_and_a_picture(options: dict[str, Any], tmp_path: 
 def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
     fast = RunSettings(rate=250.0)
     first, second = record(tmp_path / 'a'), record(tmp_path / 'b', run=fast, seed=2)
-    describe(first, '/one', inner_bandwidth=40.0)
-    describe(second, '/two', inner_bandwidth=60.0)
+    describe(first, '/one', structure='conventional', outer_bandwidth=20.0)
+    describe(second, '/two', outer_bandwidth=20.0)
     for run, time, value in ((first, 1.0, 9.5), (second, 1.05, 9.5), (second, 1.5, 7.5)):
         node = '/one/controller' if run == first else '/two/controller'
         append_parameters(run, time, node, {'outer_bandwidth': value})
@@ -329,10 +329,11 @@ def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
     assert 'The runs differ in length, and integrals grow with it: ' in page.words()
     assert [len(page.lines(name)) for name in ('output', 'measurement', 'miss')] == [2, 2, 2]
     assert '<b><span' not in page.source  # no winner: integrals grow with the length
-    assert re.search('Those in which the runs differ.*inner_bandwidth', page.text, re.DOTALL)
+    assert re.search('Those in which the runs differ.*structure', page.text, re.DOTALL)
     marks = {text for text, _ in page.labels()}
     assert {'1', '2'} <= marks and '3' not in marks
     assert page.source.count('<td>one, two</td>') == 1
+    assert '<td>20 <span class="meaning">ignored</span></td>' in page.source
 
 
 def test_a_bag_is_reported_like_a_folder(tmp_path: Path) -> None:

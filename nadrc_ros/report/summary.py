@@ -44,7 +44,11 @@ def _what(runs: Mapping[str, RecordedRun]) -> str:
 
 def _size(run: RecordedRun) -> str:
     length = float(run.time[-1] - run.time[0]) + 1.0 / run.rate
-    return f'{length:.4g} s at {run.rate:.4g} Hz'
+    return f'{_round(length)} s at {_round(run.rate)} Hz'
+
+
+def _round(value: float) -> str:
+    return f'{value:.0f}' if value >= 1000.0 else f'{value:.3g}'
 
 
 def _plant(run: RecordedRun) -> str:
@@ -95,21 +99,31 @@ def _compared(runs: Mapping[str, RecordedRun]) -> str:
 
 def _lost(runs: Mapping[str, RecordedRun]) -> list[str]:
     """Return what the runs lack, runs that lack the same in one sentence."""
+    missing = {name: share for name, run in runs.items() if (share := missing_share(run))}
     lacking: dict[str, list[str]] = {}
     for name, run in runs.items():
         for loss in losses(run):
             lacking.setdefault(loss, []).append(name)
     if len(lacking) > _MOST_NAMED:
-        lacking = {
-            'lacks some of its samples: see the table': list(
-                dict.fromkeys(name for names in lacking.values() for name in names)
-            )
-        }
-    if lacking:
-        return [f'{_whose(names, runs)} {text}.' for text, names in lacking.items()]
+        every = [name for names in lacking.values() for name in names]
+        lacking = {'lacks samples: see the table': list(dict.fromkeys(every))}
+    found = [f'{_whose(names, runs)} {text}.' for text, names in lacking.items()]
+    if missing:
+        low, high = (f'{100.0 * each(missing.values()):.2g}' for each in (min, max))
+        shares = low if low == high else f'{low} to {high}'
+        found.insert(0, f'{_whose(list(missing), runs)} misses {shares} % of its measurements.')
+    if found:
+        return found
     if any(run.summary.get('samples_lost') is None for run in runs.values()):
         return ['Whether samples were lost is not known.']
     return ['Nothing was lost.']
+
+
+def missing_share(run: RecordedRun) -> float:
+    """Return the share of the periods that have no measurement, 0 if the recorder lost samples."""
+    if run.summary.get('samples_lost') or not run.gaps:
+        return 0.0
+    return run.gaps / float(run.gaps + np.isfinite(run.columns['measurement']).sum())
 
 
 def _whose(names: Sequence[str], runs: Mapping[str, RecordedRun]) -> str:
@@ -132,9 +146,6 @@ def losses(run: RecordedRun) -> list[str]:
         found.append(
             f'lacks {lost} samples that the recorder lost{f" ({named})" if named else ""}'
         )
-    elif run.gaps:
-        share = 100.0 * run.gaps / (run.gaps + np.isfinite(run.columns['measurement']).sum())
-        found.append(f'misses {share:.2g} % of its measurements')
     if summary.get('complete') is not True and run.figures is not None:
         found.append('was not ended by the recorder: these are the samples that it saved')
     if run.gap_time:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import floor, inf, isfinite, isnan, log10
+import re
 from typing import NamedTuple
 
 from nadrc_ros.records.history import LASTING
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
+from nadrc_ros.report.unused import unused
 import numpy as np
 
 FIGURES = (
@@ -26,6 +28,7 @@ FIGURES = (
 # More changes are counted, not listed.
 MOST_LISTED = 200
 _MISSING = '–'
+_IGNORED = 'ignored'
 # Parameters named by topics, which differ between namespaces anyway.
 _WIRING = 'qos_overrides.'
 
@@ -194,17 +197,15 @@ def _of_events(name: str, run: RecordedRun) -> list[_Happened]:
         if event.kind in LASTING:
             duration = f'{min(stop, end) - time:.3f}'
         elif event.kind == 'gap':
-            duration = _silence(run, time)
+            duration = _length_of(event.message)
         found.append(_Happened(time, duration, name, node_of(event.node), event.message))
     return found
 
 
-def _silence(run: RecordedRun, time: float) -> str:
-    """Return for how long there was no measurement after a time, '' if there was one."""
-    measured = run.time[np.isfinite(run.columns['measurement'])]
-    after = measured[measured > time + 0.5 / run.rate]
-    end = float(after[0]) if after.size else run.end
-    return f'{end - time:.3f}' if end - time > 2.0 / run.rate else ''
+def _length_of(gap: str) -> str:
+    """Return how long a gap was, by what a recorder says of it; '' for other words."""
+    found = re.match(r'no \w+ for ([\d.]+) s', gap)
+    return f'{float(found[1]):.3f}' if found else ''
 
 
 def timing(columns: Mapping[str, Array]) -> Table:
@@ -219,21 +220,26 @@ def timing(columns: Mapping[str, Array]) -> Table:
 
 def parameters(runs: Mapping[str, RecordedRun], different: bool) -> Table | None:
     """Return the first values of all parameters, or of those in which runs differ."""
-    found = {
-        title: {
-            (node_of(node), name): text_of(value)
-            for node, values in run.history.parameters.items()
-            for name, value in values.items()
-        }
-        for title, run in runs.items()
-    }
+    found = {title: _first_values(run) for title, run in runs.items()}
     rows = []
     for node, name in dict.fromkeys(key for values in found.values() for key in values):
-        cells = [values.get((node, name), _MISSING) for values in found.values()]
-        if not different or (len(set(cells)) > 1 and not name.startswith(_WIRING)):
-            rows.append(list(map(Cell, [node, name, *cells])))
+        cells = [values.get((node, name), Cell(_MISSING)) for values in found.values()]
+        if different and (len(set(cells)) == 1 or name.startswith(_WIRING)):
+            continue
+        if not different or any(cell.note != _IGNORED for cell in cells):
+            rows.append([Cell(node), Cell(name), *cells])
     header = ['node', 'parameter', *runs]
     return Table(header, rows, words=len(header)) if rows else None
+
+
+def _first_values(run: RecordedRun) -> dict[tuple[str, str], Cell]:
+    found = {}
+    for node, values in run.history.parameters.items():
+        ignored = unused(values)
+        for name, value in values.items():
+            note = _IGNORED if name in ignored else ''
+            found[node_of(node), name] = Cell(text_of(value), note)
+    return found
 
 
 def origin(runs: Mapping[str, RecordedRun]) -> Table:

@@ -105,10 +105,14 @@ def _cause(run: RecordedRun, begin: float, end: float) -> str:
     """Return why there was no measurement from ``begin`` to ``end`` [s], in words."""
     near = _NEAR + 2.0 / run.rate
     gaps, faults = (
-        [e for e in run.events if e.time is not None and e.kind == kind and e.time < begin + near]
+        [
+            (e.time, e.message)
+            for e in run.events
+            if e.time is not None and e.kind == kind and e.time < begin + near
+        ]
         for kind in ('gap', 'fault')
     )
-    told = [each.message for each in gaps if (each.time or 0.0) > begin - near]
+    told = [said for time, said in gaps if 'measurement' in said and time > begin - near]
     text = told[-1] if told else f'no measurement for {end - begin:.4g} s'
-    fault = faults[-1].message if faults else 'none'
+    fault = faults[-1][1] if faults else 'none'
     return text if fault == 'none' else f'{text}, fault "{fault}"'
