@@ -20,8 +20,9 @@ from typing import Any
 
 from bench.results import over, save, show
 from nadrc_ros.adrc.design import make_design
-from nadrc_ros.adrc.law import step
+from nadrc_ros.adrc.law import step as law_step
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.specialise.python import specialised
 from nadrc_ros.adrc.state import blank_state, start
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +55,7 @@ def ours(levels: int, order: int) -> Block:
         command_rate_limit=RATE_LIMIT,
     )
     design = make_design(settings)
+    step = specialised(law_step, design)
     state, spare, u = blank_state(design), blank_state(design), 0.0
     start(design, 0.0, u, 1.0, state)
     reference = [1.0] + [0.0] * order

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
+import attrs
 from hypothesis import given
 from hypothesis import strategies as st
-from law_helpers import at_least, bits, state_bits, varied_settings
+from law_helpers import at_least, bits, NAMES, state_bits, varied_settings
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.adrc.specialise.evaluator import Evaluator
+from nadrc_ros.adrc.specialise.program import shape_of
+from nadrc_ros.adrc.specialise.python import source_of
+from nadrc_ros.adrc.specialise.values import Code, load, Refused
 from nadrc_ros.adrc.tick import tick
 import pytest
 from test_all_features import everything, World
@@ -42,7 +49,102 @@ def test_every_branch_of_the_law_has_its_bits(name: str) -> None:
     same_run(ControllerSettings(**CASES[name]), 1)
 
 
-@at_least(20)
+@at_least(10)
+@given(
+    st.sampled_from(NAMES),
+    st.integers(1, 5),
+    st.integers(1, 6),
+    st.integers(1, 3),
+    st.sampled_from(('linear', 'fal')),
+    st.sampled_from((0.0, 5.0)),
+    st.booleans(),
+    st.integers(0, 2**30),
+)
+def test_every_shape_has_its_bits(
+    structure: str,
+    order: int,
+    levels: int,
+    extended: int,
+    feedback: str,
+    acceleration: float,
+    error_based: bool,
+    seed: int,
+) -> None:
+    settings = ControllerSettings(
+        structure=structure,
+        plant_order=order,
+        levels=levels,
+        extended_states=extended,
+        feedback=feedback,
+        tracking_acceleration=acceleration,
+        error_based=error_based,
+    )
+    same_run(settings, seed)
+
+
+@at_least(15)
 @given(everything(), st.integers(0, 2**30))
 def test_all_features_have_their_bits(settings: ControllerSettings, seed: int) -> None:
     same_run(settings, seed)
+
+
+def test_a_live_change_goes_on_with_its_bits_also_to_a_shape_that_was_not_made() -> None:
+    plain, fast = Controller(ControllerSettings()), Controller(ControllerSettings())
+    fast.specialise()
+    laws = [fast._law]
+    changes: list[dict[str, Any]] = [
+        {'inner_bandwidth': 55.0, 'command_max': 8.0},
+        {'structure': 'generalized', 'extended_states': 3, 'pole_ratios': (1.0, 1.1, 1.2)},
+        {'structure': 'nested', 'extended_states': 1, 'pole_ratios': (1.0,)},
+    ]
+    for change in changes:
+        wanted = attrs.evolve(plain.settings, **change)
+        for each in (plain, fast):
+            each.retune(wanted)
+        for k in range(50):
+            y = 0.01 * k * k
+            assert bits([plain.tick(y, 0.01)]) == bits([fast.tick(y, 0.01)])
+        assert state_bits(plain.state) == state_bits(fast.state)
+        laws.append(fast._law)
+    assert laws[0] is laws[1] is laws[3] and laws[2] is tick
+
+
+def test_the_code_names_its_source_and_no_feature_that_is_off() -> None:
+    source, _ = source_of(tick, make_design(ControllerSettings()))
+    assert '# law.py:' in source and '# supervisor.py:' in source
+    for off in ('delay_line', 'fhan', 'ripple', 'gain_at', 'resting[1]', 'while', 'for '):
+        assert off not in source.replace('for i in', ''), off
+
+
+def test_numbers_are_no_part_of_a_shape_but_features_are() -> None:
+    def shape(**values: Any) -> Any:
+        return shape_of(make_design(ControllerSettings(**values)))
+
+    assert shape() == shape(inner_bandwidth=50.0, b0=-2.0, good_samples=7, command_max=3.0)
+    others = [
+        shape(plant_order=3),
+        shape(levels=3),
+        shape(command_rate_limit=5.0),
+        shape(tracking_acceleration=2.0),
+        shape(measurement_period=6.0),
+        shape(feedback='fal'),
+    ]
+    assert len({shape(), *others}) == 1 + len(others)
+
+
+def comprehension(x: float) -> float:
+    return sum([x for _ in range(3)])
+
+
+def guarded(x: float) -> float:
+    try:
+        return x
+    finally:
+        pass
+
+
+@pytest.mark.parametrize('function', [comprehension, guarded])
+def test_what_is_not_known_is_refused_by_its_line(function: Any) -> None:
+    line = function.__code__.co_firstlineno + 1
+    with pytest.raises(Refused, match=rf'test_specialise\.py:{line}: cannot be specialised'):
+        Evaluator(['x']).run(function, [Code(load('x'))])

@@ -24,6 +24,7 @@ from nadrc_ros.adrc import (
     transfer,
 )
 from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.specialise.expressions import signature
 from nadrc_ros.adrc.specialise.program import Program, shape_of
 from nadrc_ros.adrc.specialise.values import load, store
 from nadrc_ros.adrc.state import blank_state, State
@@ -65,7 +66,11 @@ def source_of(function: Any, design: Design) -> tuple[str, dict[str, Any]]:
     """Return the code, and what it calls by name."""
     program = Program(design, original=RARE)
     made = program.add(function)
-    head = ', '.join(made.parameters)
+    parameters = signature(function).parameters.values()
+    head = ', '.join(
+        each.name if each.default is each.empty else f'{each.name}={each.default!r}'
+        for each in parameters
+    )
     lines = [f'def {made.name}({head}):', *text(_quickened(made.body, design), 1)]
     return '\n'.join(lines), SCOPE | program.called
 
