@@ -11,6 +11,7 @@ from typing import Any
 
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.records.recording import JOINED
 
 PAGE = (Path(__file__).resolve().parents[1] / 'docs' / 'files.md').read_text(encoding='utf-8')
 
@@ -101,7 +102,7 @@ def recording(folder: Path) -> list[str]:
         *differences('`run.json`', document(folder / 'run.json', 'run')),
         *differences('`about.json`', document(folder / 'about.json', 'about')),
         *differences('`summary.json`', document(folder / 'summary.json', 'summary')),
-        *differences('`samples.csv`', columns(folder / 'samples.csv')),
+        *differences('`samples.csv`', {*columns(folder / 'samples.csv'), *JOINED}),
         *differences('`parameters.jsonl`', lines(folder / 'parameters.jsonl')),
         *differences('`events.jsonl`', lines(folder / 'events.jsonl')),
     ]
