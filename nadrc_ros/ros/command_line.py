@@ -11,6 +11,7 @@ import sys
 from typing import Any, NoReturn
 
 import attrs
+from nadrc_ros.adrc.errors import near_to
 from nadrc_ros.adrc.fields import Declared
 from nadrc_ros.terminal import columns, command_line, wrapped
 
@@ -75,7 +76,9 @@ class NodeParser(ArgumentParser):
             rest = []
         given, unknown = self.parse_known_args(rest)
         if unknown:
-            self.error(f'no such option: {" ".join(unknown)}; {self.prog} --help says more')
+            near = near_to(unknown[0], self._option_string_actions)
+            meant = f'did you mean {near}? ' if near else ''
+            self.error(f'no such option: {" ".join(unknown)}; {meant}{self.prog} --help says more')
         return given
 
     def format_help(self) -> str:
@@ -99,8 +102,10 @@ class NodeParser(ArgumentParser):
         """Write the help, and not a word more where nobody reads on."""
         try:
             print(self.format_help(), end='', flush=True)
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except OSError as error:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left
+            if not isinstance(error, BrokenPipeError):
+                self.error(f'output: {error.strerror}')
 
     def _refuse_rule(self, before: str, rule: str) -> NoReturn:
         """Show how a parameter or a remapping is to be written."""

@@ -91,7 +91,8 @@ def test_help_into_a_closed_pipe_is_no_news() -> None:
         (('--ros-args', 'rate:=100.0'), '{} --ros-args -p rate:=100.0'),
         (('-p', 'rate:=100.0'), 'come after --ros-args, each behind its -p or -r: {} --ros-args'),
         (('-r', 'command:=/u'), '{} --ros-args -r command:=/u'),
-        (('-o', 'x'), 'no such option: -o x; {} --help says more'),
+        (('-o', 'x'), 'no such option: -o x; '),
+        (('--hlep',), 'no such option: --hlep; did you mean --help? {} --help says more'),
         (('runs',), 'no such option: runs'),
     ],
 )
@@ -111,7 +112,7 @@ def test_what_is_for_nobody_on_a_command_line_is_refused(
 def test_without_ros_one_sentence_says_so(node: str) -> None:
     told = run('-c', WITHOUT.format('rclpy', node))
     assert told.returncode == 1
-    assert told.stderr.startswith(f'the {node} needs ROS 2 Jazzy, which is not here')
+    assert told.stderr.startswith(f'error: the {node} needs ROS 2 Jazzy, which is not here')
     assert len(told.stderr.splitlines()) == 1
 
 
