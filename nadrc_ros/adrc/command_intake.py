@@ -10,7 +10,7 @@ from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 # Changes of our own command that a report may lag.
 _KEPT = 1000
 # Of a sum of times of ticks, and of a command that went through single precision.
-_ROUNDING, _SAME = 1.0 + 1e-9, 1e-6
+_ROUNDING, SAME = 1.0 + 1e-9, 1e-6
 
 
 class CommandIntake:
@@ -100,4 +100,4 @@ class CommandIntake:
 
 
 def _same(ours: float, applied: float) -> bool:
-    return abs(ours - applied) <= _SAME * abs(ours)
+    return abs(ours - applied) <= SAME * abs(ours)

@@ -1,0 +1,418 @@
+"""
+The law of one design as the functions of a C file.
+
+The functions of ``adrc`` are partially evaluated with all numbers of the design, so that what is
+left depends on samples only. At a fixed rate the gains of the observers and the decays of offsets,
+which depend on the time since the last sample, are tables over the number of periods; they hold
+what Python's own ``expm1`` and ``exp`` gave, so that no C library is asked.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+import inspect
+from math import exp, nan
+from typing import Any, NamedTuple
+
+import attrs
+from nadrc_ros.adrc import law, limiter, observer, state, tick, transfer
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.sample import Sample
+from nadrc_ros.adrc.specialise.evaluator import Evaluator
+from nadrc_ros.adrc.specialise.expressions import gives_of, signature
+from nadrc_ros.adrc.specialise.program import Program
+from nadrc_ros.adrc.specialise.tidy import tidied
+from nadrc_ros.adrc.specialise.values import Code, Function, load, Record, UNLOADED
+from nadrc_ros.adrc.state import blank_state, State
+from nadrc_ros.adrc.supervisor import PolicyState, Stall
+from nadrc_ros.export.c_printer import c_name, Printed, Printer
+
+# Functions of their own, as they are called from several places.
+_APART = {
+    *(law._refuse, law._restart, limiter.clamp, limiter.limit, state.match_command),
+    *(state.raw_command, state.start, tick._without_sample, transfer.adopt_reference),
+}
+# What the C calls by itself.
+_ENTRIES = (
+    *(tick.tick, transfer.adopt_reference, state.output_estimate, state.disturbance_estimate),
+)
+# Of a state, what the exported features need; the rest stays what it is at the beginning.
+_MEMORY = ('levels', 'profile', 'offset', 'smoothed', 'startup', 'since_sample')
+# Of a sample, what is the same for every one.
+_ALWAYS: dict[str, Any] = {
+    **{'age': 0.0, 'followed': True, 'gain_variable': nan, 'feed_forward': 0.0}
+}
+_INTEGERS = ('mode', 'cause', 'good', '_ENTRY')
+
+
+class Source(NamedTuple):
+    """
+    The parts of a C file.
+
+    ``members`` are those of the state of the law, which are so many ``numbers``, and those of the
+    tables ``in_tables``; ``literal`` prints a number.
+    """
+
+    members: str
+    numbers: int
+    tables: str
+    in_tables: int
+    functions: str
+    tick_call: str
+    adopt_call: str
+    literal: Callable[[float], str]
+
+
+def c_source(design: Design, period: float | None, real: str, name: str) -> Source:
+    """
+    Return the law at a fixed ``period`` [s], or with measured time steps (None).
+
+    ``real`` is double or float, ``name`` what the names of types begin with.
+    """
+    return _Writer(design, period, real, name).source()
+
+
+class _Writer:
+    def __init__(self, design: Design, period: float | None, real: str, name: str) -> None:
+        self.design, self.period = design, period
+        self.types = {'State': f'{name}_law'}
+        self.types |= {'PolicyState': f'{name}_policy', 'Stall': f'{name}_stall'}
+        self.printer = Printer(real, _INTEGERS, self.types)
+        self.program = _Exported(design, period)
+        self.parameters: dict[str, list[str]] = {}
+
+    def source(self) -> Source:
+        """Write all functions, and what they need."""
+        for function in _ENTRIES:
+            self.program.add(function)
+        functions = [self._print(*each) for each in self.program.functions.items()]
+        blank = blank_state(self.design)
+        members, numbers = [], 0
+        for name in self.program.memory:
+            value = getattr(blank, name)
+            count, sizes = len(value), f'[{len(value)}]'
+            if isinstance(value[0], list):
+                count, sizes = count * len(value[0]), f'{sizes}[{len(value[0])}]'
+            numbers += count
+            members.append(f'    {self.printer.real} {name}{sizes};')
+        tables, in_tables = self.tables()
+        return Source(
+            '\n'.join(members),
+            numbers,
+            tables,
+            in_tables,
+            '\n\n'.join(functions),
+            self._call(
+                'tick',
+                state='&self->laws[self->current]',
+                policy='&self->policy',
+                sample_measurement='y',
+                sample_span='span',
+                sample_elapsed='elapsed',
+                sample_applied='acting',
+                sample_sent='sent',
+                sample_downstream='downstream',
+                sample_foreign='foreign',
+                reference='self->reference',
+                referenced='referenced',
+                enabled='self->enabled',
+                out='law',
+                gives_1='&self->status',
+                gives_2='&after',
+            ),
+            self._call(
+                'adopt_reference',
+                reference='self->reference',
+                state='law',
+                sent='sent',
+                dt='elapsed',
+                downstream='downstream',
+            ),
+            self.printer.literal,
+        )
+
+    def _call(self, name: str, **given: str) -> str:
+        """Return the call of a function, with what its parameters are given by name."""
+        return f'{name}({", ".join(given[each] for each in self.parameters[name])})'
+
+    def _print(self, source: Any, function: Function) -> str:
+        """Print a function; those that it calls are printed already."""
+        real, printer = self.printer.real, self.printer
+        prune = _Prune(printer.known)
+        body = tidied([prune.visit(statement) for statement in function.body])
+        read = {name for statement in body for name in _reads(statement)}
+        changed = _changed(body, printer.known)
+        listed: list[str] = []
+        used: list[int] = []
+        known: dict[str, str] = {}
+        parameters = list(signature(source).parameters.values())
+        for i, parameter in enumerate(parameters):
+            name = parameter.name
+            if parameter.annotation == 'Sample':
+                for field, kind in Sample.__annotations__.items():
+                    own = f'sample_{field}'
+                    if own in read:
+                        known[own] = 'float' if kind.__forward_arg__ == 'float' else 'int'
+                        listed.append(f'{printer.type(known[own])} {own}')
+                continue
+            if name not in read or parameter.annotation == 'Design':
+                continue
+            used.append(i)
+            constant = '' if name in changed else 'const '
+            match parameter.annotation:
+                case 'State' | 'PolicyState':
+                    listed.append(f'{constant}{self.types[parameter.annotation]} *{name}')
+                case 'Vector':
+                    listed.append(f'{constant}{real} *{name}')
+                case 'Matrix':
+                    listed.append(f'{real} (*{name})[{self.design.states}]')
+                case kind:
+                    known[name] = 'float' if kind == 'float' else 'int'
+                    listed.append(f'{printer.type(known[name])} {c_name(name)}')
+        for i, kind in enumerate(function.gives[1:], 1):
+            listed.append(f'{self.types.get(kind) or printer.type(kind)} *gives_{i}')
+        gives = ['float' if kind == 'float' else 'int' for kind in function.gives]
+        places = [place for place, i in enumerate(used) if parameters[i].name in changed]
+        printer.known[function.name] = Printed(gives, used, places)
+        self.parameters[function.name] = [each.split()[-1].strip('*') for each in listed]
+        own = f'    {real} softened[{self.design.states}];\n' if 'softened' in read else ''
+        head = printer.type(gives[0]) if gives else 'void'
+        return (
+            f'/* {source.__module__}.{source.__name__} */\n'
+            f'static {head} {function.name}({", ".join(listed) or "void"})\n'
+            f'{{\n{own}{printer.body(body, known)}\n}}'
+        )
+
+    # ---- tables
+
+    @property
+    def longest(self) -> int:
+        """Return how many periods a step may span."""
+        assert self.period is not None
+        count = int(self.design.max_dt / self.period)
+        return count if count * self.period <= self.design.max_dt else count - 1
+
+    def tables(self) -> tuple[str, int]:
+        """Return the tables that the functions read, and how many numbers they have."""
+        printer, design = self.printer, self.design
+        texts = [
+            f'static const int {c_name(name)}[{len(values)}] = {{{", ".join(map(str, values))}}};'
+            for name, values in self.program.called.items()
+            if isinstance(values, tuple)
+        ]
+        if self.period is None:
+            return '\n\n'.join(texts), 0
+        gains, times, count = [], [], 0
+        for k in range(1, self.longest + 1):
+            dt = k * self.period
+            scratch = blank_state(design).scratch
+            observer.place(design, dt, 1.0, scratch)
+            rows = [', '.join(map(printer.literal, row)) for row in scratch[: design.levels]]
+            gains.append('    {{' + '}, {'.join(rows) + '}}')
+            row = [*scratch[design.levels][1:], *(exp(rate * dt) for rate in self.program.decays)]
+            times.append(f'    {{{", ".join(map(printer.literal, row))}}}')
+            count += design.levels * design.states + len(row)
+        sizes = f'[{len(gains)}][{design.levels}][{design.states}]'
+        for note, head, lines in (
+            ('The gains of each level', f'GAINS{sizes}', gains),
+            ('dt / 1, 2, ..., and what decays over dt', f'TIMES[{len(times)}][{len(row)}]', times),
+        ):
+            texts.append(
+                f'/* {note}, by periods since the last sample. */\n'
+                f'static const {printer.real} {head} = {{\n' + ',\n'.join(lines) + '\n};'
+            )
+        return '\n\n'.join(texts), count
+
+
+class _Exported(Program):
+    """Evaluates for a design whose numbers are known."""
+
+    def __init__(self, design: Design, period: float | None) -> None:
+        super().__init__(design, apart=_APART if period is not None else {*_APART, observer.place})
+        self.period = period
+        self.memory = _MEMORY if period is not None else (*_MEMORY, 'scratch')
+        self.decays: list[float] = []
+
+    def add(self, function: Any) -> Function:
+        """Evaluate a function once, whatever it is given."""
+        if function not in self.functions:
+            names = list(signature(function).parameters)
+            made = self._evaluate(function, dict.fromkeys(names), c_name(function.__name__))
+            self.functions[function] = made
+        return self.functions[function]
+
+    def _called_apart(self, function: Any, bound: dict[str, Any]) -> str | None:
+        return self.add(function).name if function in self._apart else None
+
+    def _evaluate(self, function: Any, bound: dict[str, Any], name: str) -> Function:
+        evaluator = _Evaluator(self, bound)
+        arguments = [self._given(evaluator, each) for each in signature(function).parameters.values()]
+        body = tidied(evaluator.run(function, arguments))
+        self.called |= evaluator.called
+        return Function(name, dict(zip(bound, arguments)), body, gives_of(function))
+
+    def _given(self, evaluator: Evaluator, parameter: inspect.Parameter) -> Any:
+        name = parameter.name
+        place = load(name)
+        match parameter.annotation:
+            case 'Design':
+                fields = {f.name: getattr(self.design, f.name) for f in attrs.fields(Design)}
+                return Record({key: _known(value) for key, value in fields.items()}, place)
+            case 'State':
+                return self._state(evaluator, name)
+            case 'Vector':
+                return evaluator.row(name, self.design.order + 1, place)
+            case 'Matrix':
+                return _rows(evaluator, name, blank_state(self.design).scratch, place)
+            case 'Sample':
+                fields = {}
+                for field, kind in Sample.__annotations__.items():
+                    code = Code(load(evaluator.fresh(f'{name}_{field}')), kind.__forward_arg__)
+                    fields[field] = _ALWAYS.get(field, code)
+                return Record(fields, None, Sample)
+            case 'PolicyState':
+                return _record(PolicyState, place)
+        return Code(place, str(parameter.annotation))
+
+    def _state(self, evaluator: Evaluator, name: str) -> Record:
+        blank = blank_state(self.design)
+        fields: dict[str, Any] = {}
+        for field in attrs.fields(State):
+            if not field.init:
+                continue
+            value, own = getattr(blank, field.name), f'{name}_{field.name}'
+            there = field.name in self.memory
+            place = ast.Attribute(load(name), field.name, ast.Load()) if there else None
+            if value and isinstance(value[0], list):
+                fields[field.name] = _rows(evaluator, own, value, place)
+            else:
+                fields[field.name] = row = evaluator.row(own, len(value), place)
+                if not there:
+                    row.cells = list(value)
+        return Record(fields, load(name))
+
+
+class _Evaluator(Evaluator):
+    """Evaluates with the tables of an export where the rate is fixed."""
+
+    def __init__(self, program: _Exported, parameters: Any) -> None:
+        reserved = (c_name(each.__name__) for each in _APART)
+        super().__init__((*parameters, *reserved, 'GAINS', 'TIMES', 'softened'), program._called_apart)
+        self._program = program
+        self._periods: ast.expr | None = None
+
+    def call(self, function: Any, positional: list[Any], named: dict[str, Any]) -> Any:
+        """Evaluate a call; at a fixed rate gains are looked up."""
+        if self._program.period is not None:
+            if function is observer.place:
+                self._place(*positional)
+                return None
+            if function is law.step:  # which asks whether the time of the last gains was another
+                positional[5] = attrs.evolve(positional[5], positive=True)
+        return super().call(function, positional, named)
+
+    def call_by_name(self, name: str, gives: Sequence[str], arguments: list[Any]) -> Any:
+        """Write a call; vectors without a place stay what they are."""
+        cells = [(row, row.cells) for row in self.rows if row.place is None]
+        result = super().call_by_name(name, gives, arguments)
+        for row, before in cells:
+            row.cells = before
+        return result
+
+    def _place(self, design: Any, dt: Code, speed: float, scratch: Any) -> None:
+        assert speed == 1.0
+        levels, states = self._program.design.levels, self._program.design.states
+        periods = ast.BinOp(dt.node, ast.Div(), ast.Constant(self._program.period))
+        index = ast.BinOp(ast.Call(load('int'), [periods], []), ast.Sub(), ast.Constant(1))
+        self._periods = self.named('periods', Code(index, 'int')).node
+        for k in range(levels):
+            scratch[k].place = self._at('GAINS', k)
+            scratch[k].cells = [UNLOADED] * states
+        scratch[levels].cells = [1.0, *(self._time(m) for m in range(states - 1))]
+        scratch[levels + 1].place = load('softened')  # an array of the function
+        scratch[levels + 1].cells = [UNLOADED] * states
+
+    def _at(self, table: str, column: int) -> ast.expr:
+        assert self._periods is not None
+        row = ast.Subscript(load(table), self._periods, ast.Load())
+        return ast.Subscript(row, ast.Constant(column), ast.Load())
+
+    def _time(self, column: int) -> Code:
+        return Code(self._at('TIMES', column))
+
+    def _primitive(self, function: Any, arguments: list[Any]) -> Any:
+        if function is exp and self._periods is not None:
+            match arguments[0].node:
+                case ast.BinOp(left=ast.Constant(value=rate), op=ast.Mult()):
+                    decays = self._program.decays
+                    if rate not in decays:
+                        decays.append(rate)
+                    return self._time(self._program.design.states - 1 + decays.index(rate))
+        return super()._primitive(function, arguments)
+
+
+def _known(value: Any) -> Any:
+    return tuple(map(_known, value)) if isinstance(value, list) else value
+
+
+def _rows(evaluator: Evaluator, name: str, matrix: Any, place: ast.expr | None) -> Any:
+    return tuple(
+        evaluator.row(
+            f'{name}_{i}',
+            len(row),
+            None if place is None else ast.Subscript(place, ast.Constant(i), ast.Load()),
+        )
+        for i, row in enumerate(matrix)
+    )
+
+
+def _record(cls: Any, place: ast.expr) -> Record:
+    fields: dict[str, Any] = {}
+    for field, reference in cls.__annotations__.items():
+        kind = reference.__forward_arg__
+        own = ast.Attribute(place, field, ast.Load())
+        fields[field] = _record(Stall, own) if kind == 'Stall' else Code(own, kind)
+    return Record(fields, place, cls)
+
+
+class _Prune(ast.NodeTransformer):
+    """Leaves out the arguments that a function does not have in C."""
+
+    def __init__(self, known: dict[str, Printed]) -> None:
+        self.known = known
+
+    def visit_Call(self, node: ast.Call) -> ast.Call:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id in self.known:
+            used = [node.args[i] for i in self.known[node.func.id].used]
+            return ast.Call(node.func, used, [])
+        return node
+
+
+def _reads(statement: ast.stmt) -> set[str]:
+    return {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
+
+
+def _changed(body: Sequence[ast.stmt], known: dict[str, Printed]) -> set[str]:
+    """Return the names into which statements write, by subscripts or by calls."""
+    found: set[str] = set()
+    for statement in body:
+        for node in ast.walk(statement):
+            match node:
+                case ast.Subscript(ctx=ast.Store()):
+                    found.add(_root(node))
+                case ast.Call(func=ast.Name(id=name), args=arguments) if name in known:
+                    found |= {_root(arguments[i]) for i in known[name].changed}
+    return found
+
+
+def _root(node: ast.AST) -> str:
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Tuple(elts=[first, *_]):
+            return _root(first)
+        case ast.Attribute(value=value) | ast.Subscript(value=value):
+            return _root(value)
+    raise TypeError(ast.unparse(node))

@@ -1,0 +1,307 @@
+"""The files of an export: C source, header, test vectors with the program that runs them, README."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from math import degrees, inf, nan
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import attrs
+from nadrc_ros.adrc.command_intake import SAME
+from nadrc_ros.adrc.design import Design, make_design
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
+from nadrc_ros.adrc.status import Cause, Mode, Status
+from nadrc_ros.adrc.supervisor import PolicyState, Stall
+from nadrc_ros.export.c_source import c_source, Source
+from nadrc_ros.export.exportable import check_exportable, exact_period
+from nadrc_ros.export.vectors import Call, life, Outcome
+from nadrc_ros.theory.loop import chain
+from nadrc_ros.theory.margins import margins, Margins
+import yaml
+
+_TEMPLATES = Path(__file__).with_name('templates')
+_PERIOD_OF_VECTORS = 0.01  # [s], with measured time steps, on the average
+_IN_A_BLOCK = 1000
+
+
+class _Template(Template):
+    delimiter = '@'
+
+
+@attrs.frozen(kw_only=True)
+class Export:
+    """
+    An export of settings.
+
+    Parameters
+    ----------
+    settings
+        Of the controller.
+    rate
+        Of the loop [Hz], or None where time steps are measured.
+    single
+        Whether it computes with float32.
+    name
+        What names of files and functions begin with.
+
+    Raises
+    ------
+    SettingError
+        As :func:`~nadrc_ros.export.exportable.check_exportable`.
+
+    """
+
+    settings: ControllerSettings
+    rate: float | None
+    single: bool = False
+    name: str = 'nadrc'
+    ticks: int = 10_000
+
+    def __attrs_post_init__(self) -> None:
+        check_exportable(self.settings, self.rate)
+
+    @property
+    def period(self) -> float | None:
+        """The period that the C counts with [s]: 1 / rate to one in 2^43."""
+        return None if self.rate is None else exact_period(self.rate, self.single)
+
+    @property
+    def parameters(self) -> str:
+        """Return all settings as YAML, of which the header has the hash."""
+        values = {name: getattr(self.settings, name) for name in declared(ControllerSettings)}
+        plain = {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
+        return yaml.safe_dump({**plain, 'rate': self.rate}, sort_keys=False)
+
+    @property
+    def design(self) -> Design:
+        """Return the design that is exported."""
+        return make_design(self.settings)
+
+    def margins(self) -> Margins | None:
+        """Return the margins with the plant y^(n) = b0 u, if the rate is known."""
+        if self.period is None:
+            return None
+        return margins(self.design, chain(self.design.order, self.design.b0), self.period)
+
+    def files(self) -> dict[str, str]:
+        """Return the text of each file by its name."""
+        words = self._words()
+        names = {
+            f'{self.name}.h': 'api.h',
+            f'{self.name}.c': 'source.c',
+            'test_vectors.h': 'vectors.h',
+            'self_test.c': 'self_test.c',
+            'CMakeLists.txt': 'CMakeLists.txt',
+            'README.md': 'README.md',
+        }
+        return {
+            name: _Template((_TEMPLATES / template).read_text(encoding='utf-8')).substitute(words)
+            for name, template in names.items()
+        }
+
+    def about(self, state: int, tables: int) -> list[str]:
+        """Return what there is to say about the design; sizes in bytes."""
+        settings, design = self.settings, self.design
+        at = 'time steps as measured' if self.rate is None else f'{self.rate:g} Hz'
+        lines = [
+            f'Design: {settings.structure}, order {design.order}, levels {design.levels} at '
+            + ' / '.join(f'{w:.4g}' for w in design.bandwidths)
+            + f' rad/s, controller {settings.controller_bandwidth:g} rad/s, b0 {settings.b0:g}; {at}.',
+        ]
+        found = self.margins()
+        if found is not None:
+            delay = 'any' if found.delay == inf else f'{1e3 * found.delay:.3g} ms'
+            lines.append(
+                f'Margins with the plant y^({design.order}) = b0 u: stable with its gain times '
+                f'{found.gain_low:.3g} to {found.gain_high:.3g}, phase '
+                f'{degrees(found.phase):.0f} degrees, delay {delay}.'
+                if found.modulus > 0.0
+                else f'With the plant y^({design.order}) = b0 u this loop is UNSTABLE.'
+            )
+        lines.append(
+            f'Size: {state} bytes for each controller'
+            + (f', {tables} bytes of tables' if tables else '')
+            + '.'
+        )
+        lines.append(
+            f'Written by nadrc_ros {_version()}; sha256 of the parameters in README.md:'
+        )
+        lines.append(sha256(self.parameters.encode()).hexdigest())
+        return lines
+
+    def _words(self) -> dict[str, object]:
+        settings, design, period, single = self.settings, self.design, self.period, self.single
+        real = 'float' if single else 'double'
+        source = c_source(design, period, real, self.name)
+        literal = source.literal
+        references = 1 + settings.received_derivatives
+        size = design.order + 1
+        measured = self.rate is None
+        state = _size(source.numbers, size, 4 if single else 8)
+        about = self.about(state, source.in_tables * (4 if single else 8))
+        calls, outcomes = life(settings, period or _PERIOD_OF_VECTORS, measured, self.ticks)
+        derivatives = ('', ", r'", ", r' and r''")[references - 1]
+        uses_libm = measured or any(f'{name}{"f" * single}(' in source.functions for name in _LIBM)
+        clock = (
+            'dt is the time since the call before [s], measured; max_dt is in it'
+            if measured
+            else f'Both count time in periods: call one of the two every {1.0 / self.rate:g} s'
+        )
+        return {
+            'name': self.name,
+            'NAME': self.name.upper(),
+            'F': 'f' if single else '',
+            'title': f'{self.name}: a controller of nadrc_ros',
+            'version': _version(),
+            'about': '\n'.join(f' * {line}' for line in about),
+            'about_markdown': ' '.join(about[:-1]) + f' `{about[-1]}`.',
+            'parameters': self.parameters.rstrip(),
+            'real': real,
+            'DIGITS': 'FLT' if single else 'DBL',
+            'digits': 24 if single else 53,
+            'bits': 32 if single else 64,
+            'wide_evaluation': '(FLT_EVAL_METHOD < 0) || (FLT_EVAL_METHOD == 2)'
+            + (' || (FLT_EVAL_METHOD == 1)' if single else ''),
+            'period': literal(period) if period is not None else 'NAN',
+            'period_macro': ''
+            if measured
+            else f'/* The period [s]. */\n#define {self.name.upper()}_PERIOD {literal(period)}\n',
+            'order': design.order,
+            'size': size,
+            'references': references,
+            'derivatives': derivatives,
+            'references_text': '`r` alone'
+            if references == 1
+            else f'{references} numbers, r{derivatives}; NaN for a derivative that is unknown',
+            'good_samples': design.good_samples,
+            'per_call': 'each time' if measured else 'a period',
+            'times_text': clock + '.',
+            'dt_text': '\n *   dt         time since the call before [s]' if measured else '',
+            'dt_parameter': f', {real} dt' if measured else '',
+            'dt_given': ', call->dt' if measured else '',
+            'dt_here': ', dt' if measured else '',
+            'dt_member': f'\n    {real} dt;' if measured else '',
+            'elapsed': f'(dt > {literal(0.0)}) ? dt : {literal(0.0)}' if measured else 'PERIOD',
+            'nan': literal(nan),
+            'zero': literal(0.0),
+            'one': literal(1.0),
+            'half': literal(0.5),
+            'small': literal(2.0**-13 if single else 2.0**-30),
+            'least': 'FLT_MIN' if single else 'DBL_MIN',
+            'highest': literal(HIGHEST),
+            'safe_command': literal(design.safe_command),
+            'same': literal(SAME),
+            'max_dt': literal(design.max_dt),
+            **{
+                key: literal(getattr(design, key))
+                for key in ('reference_min', 'reference_max', 'measurement_min', 'measurement_max')
+            },
+            'take_derivatives': _take_derivatives(design.order, references, literal(0.0)),
+            'law_members': source.members,
+            'stall_members': _members(Stall, self.name, real),
+            'policy_members': _members(PolicyState, self.name, real),
+            'statuses': _enumerators(Status, f'{self.name.upper()}_STATUS'),
+            'modes': _enumerators(Mode, f'{self.name.upper()}_MODE'),
+            'causes': _enumerators(Cause, f'{self.name.upper()}_CAUSE'),
+            'blank': _blank(source),
+            'tables': source.tables,
+            'functions': source.functions,
+            'tick_call': source.tick_call,
+            'adopt_call': source.adopt_call,
+            'libm_text': '' if uses_libm else ', no libm',
+            'lm': ' -lm' if uses_libm else '',
+            'link': f'\ntarget_link_libraries({self.name} PUBLIC m)' if uses_libm else '',
+            'ticks': len(calls),
+            'rows': _rows(self.name, calls, outcomes, references, measured, literal),
+        }
+
+
+# What an export may call of the C library's mathematics.
+_LIBM = ('exp', 'expm1', 'pow', 'sqrt')
+
+
+def _version() -> str:
+    try:
+        return version('nadrc_ros')
+    except PackageNotFoundError:
+        return '(a source tree)'
+
+
+def _size(numbers: int, references: int, real: int) -> int:
+    """Return what the struct of a controller takes: reals aligned to their size, ints of 4."""
+    policy = 8 + 4 * real + max(4, real) + 6 * real
+    whole = 2 * numbers * real + policy + (2 * references + 4) * real + 16
+    return whole
+
+
+def _members(cls: Any, name: str, real: str) -> str:
+    lines = []
+    for field, reference in cls.__annotations__.items():
+        kind = getattr(reference, '__forward_arg__', reference)
+        kind = {'float': real, 'Stall': f'{name}_stall'}.get(kind, kind)
+        lines.append(f'    {kind} {field};')
+    return '\n'.join(lines)
+
+
+def _enumerators(cls: type[IntEnum], prefix: str) -> str:
+    return ',\n'.join(f'    {prefix}_{each.name} = {each.value}' for each in cls)
+
+
+def _take_derivatives(order: int, references: int, zero: str) -> str:
+    lines = []
+    for i in range(1, order + 1):
+        pad = ' ' * 8
+        if i < references:
+            lines += [
+                f'{pad}if ((reference[{i}] >= -HIGHEST) && (reference[{i}] <= HIGHEST))',
+                f'{pad}{{',
+                f'{pad}    self->reference[{i}] = reference[{i}];',
+                f'{pad}    self->ages[{i}] = {zero};',
+                f'{pad}}}',
+            ]
+        else:
+            lines += [f'{pad}self->reference[{i}] = {zero};', f'{pad}self->ages[{i}] = {zero};']
+    return '\n'.join(lines)
+
+
+def _blank(source: Source) -> str:
+    """Return what is not 0 of a controller that has seen nothing."""
+    before = PolicyState()
+    literal = source.literal
+    ages = ('measurement_age', 'reference_age', 'last')
+    policy = [f'.mode = {before.mode}', f'.cause = {before.cause}']
+    policy += [f'.{each} = {literal(getattr(before, each))}' for each in ages]
+    lines = [
+        f'.policy = {{{", ".join(policy)}}}',
+        f'.applied = {literal(nan)}',
+        f'.applied_age = {literal(inf)}',
+        '.enabled = 1',
+        f'.status = {int(Status.NO_MEASUREMENT)}',
+    ]
+    return ',\n'.join(f'        {line}' for line in lines)
+
+
+def _rows(
+    name: str,
+    calls: Sequence[Call],
+    outcomes: Sequence[Outcome],
+    references: int,
+    measured: bool,
+    literal: Callable[[float], str],
+) -> str:
+    lines = []
+    for i, (call, outcome) in enumerate(zip(calls, outcomes)):
+        if i > 0 and i % _IN_A_BLOCK == 0:
+            lines += ['#endif'] * (i > _IN_A_BLOCK) + [f'#if {name.upper()}_TEST_CALLS > {i}']
+        given = [*call.reference, *[0.0] * (references - len(call.reference))]
+        reals = [literal(call.y), f'{{{", ".join(map(literal, given))}}}', literal(call.applied)]
+        reals += [literal(call.dt)] * measured + [literal(outcome.command)]
+        integers = call.action, int(bool(call.reference)), *outcome[1:]
+        lines.append(f'    {{{", ".join([*reals, *map(str, integers)])}}},')
+    return '\n'.join(lines + ['#endif'] * (len(calls) > _IN_A_BLOCK))
