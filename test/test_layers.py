@@ -18,6 +18,7 @@ ARROWS = {
     'adrc': set(),
     'simulation': {'adrc'},
     'theory': {'adrc'},
+    'export': {'adrc', 'theory'},
     'wiring': {'adrc'},
     'scenario': {'adrc', 'simulation'},
     'records': {'adrc', 'simulation', 'scenario', 'wiring'},
@@ -28,7 +29,8 @@ ARROWS = {
     'demo': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'nodes'},
     'testing': {'adrc', 'simulation', 'scenario', 'records', 'report', 'ros', 'nodes', 'demo'},
     'cli': {
-        *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo', 'wiring')
+        *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo'),
+        *('export', 'wiring'),
     },
 }
 PURE = {'adrc', 'simulation', 'wiring'}

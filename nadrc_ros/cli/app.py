@@ -13,6 +13,7 @@ from nadrc_ros.adrc.errors import near_to
 from nadrc_ros.cli import messages
 from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.design import design
+from nadrc_ros.cli.export import export
 from nadrc_ros.cli.failure import naming, reporting, USAGE_ERROR
 from nadrc_ros.cli.identify import identify
 from nadrc_ros.cli.report import report
@@ -34,6 +35,7 @@ COMMANDS = (
     identify,
     sweep,
     tune,
+    export,
     summarise,
     fields,
     wire,

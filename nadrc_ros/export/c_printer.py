@@ -18,15 +18,28 @@ _FUNCTIONS = {
 # Those that C has for each kind of number, with the ending f for float.
 _OF_MATH = {'exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign', 'fabs', 'pow'}
 _OPERATORS: dict[type, str] = {
-    **{ast.Add: '+', ast.Sub: '-', ast.Mult: '*', ast.Div: '/'},
-    **{ast.Lt: '<', ast.LtE: '<=', ast.Gt: '>', ast.GtE: '>=', ast.Eq: '==', ast.NotEq: '!='},
-    **{ast.And: '&&', ast.Or: '||'},
+    ast.Add: '+',
+    ast.Sub: '-',
+    ast.Mult: '*',
+    ast.Div: '/',
+    ast.Lt: '<',
+    ast.LtE: '<=',
+    ast.Gt: '>',
+    ast.GtE: '>=',
+    ast.Eq: '==',
+    ast.NotEq: '!=',
+    ast.And: '&&',
+    ast.Or: '||',
 }
 # Names that mean something else in C.
 _RESERVED = frozenset(
-    'auto break case char const continue default do double else enum extern float for goto if '
-    'inline int long register restrict return short signed sizeof static struct switch typedef '
-    'union unsigned void volatile while y0 y1 yn j0 j1 jn gamma'.split()
+    (
+        *('auto', 'break', 'case', 'char', 'const', 'continue', 'default', 'do', 'double', 'else'),
+        *('enum', 'extern', 'float', 'for', 'goto', 'if', 'inline', 'int', 'long', 'register'),
+        *('restrict', 'return', 'short', 'signed', 'sizeof', 'static', 'struct', 'switch'),
+        *('typedef', 'union', 'unsigned', 'void', 'volatile', 'while', 'y0', 'y1', 'yn', 'j0'),
+        *('j1', 'jn', 'gamma'),
+    )
 )
 _PAD = '    '
 
@@ -70,10 +83,11 @@ class Printer:
         self._integers, self._types = frozenset(integers), types
         self._kinds: dict[str, str] = {}
         self._stores: Counter[str] = Counter()
+        self._known_uses: dict[int, frozenset[str]] = {}
 
     def body(self, statements: Sequence[ast.stmt], parameters: Mapping[str, str]) -> str:
         """Return the statements of a function, whose ``parameters`` have kinds by name."""
-        self._kinds = dict(parameters)
+        self._kinds, self._known_uses = dict(parameters), {}
         self._stores = Counter(name.id for name in _names(statements, ast.Store))
         while self._learn(statements):
             pass
@@ -122,11 +136,13 @@ class Printer:
         known = set(known)
         pad = _PAD * depth
         lines: list[str] = []
-        uses = [{name.id for name in _names([statement])} for statement in statements]
-        for i, statement in enumerate(statements):
+        later: Counter[str] = Counter(name for each in statements for name in self._uses(each))
+        for statement in statements:
+            uses = self._uses(statement)
+            later.subtract(uses)
             begun: set[str] = set()
-            for name in sorted((uses[i] & self._kinds.keys()) - known):
-                if not any(name in later for later in uses[i + 1 :]) and _inside(statement, name):
+            for name in sorted((uses & self._kinds.keys()) - known):
+                if later[name] == 0 and self._inside(statement, name):
                     continue
                 known.add(name)
                 match statement:
@@ -152,6 +168,26 @@ class Printer:
                 case _:
                     raise TypeError(f'no C for {ast.unparse(statement)}')
         return lines
+
+    def _uses(self, statement: ast.stmt) -> frozenset[str]:
+        """Return all names in a statement."""
+        if id(statement) not in self._known_uses:
+            if isinstance(statement, ast.If):
+                found = {name.id for name in _names([ast.Expr(statement.test)])}
+                found.update(*map(self._uses, (*statement.body, *statement.orelse)))
+            else:
+                found = {name.id for name in _names([statement])}
+            self._known_uses[id(statement)] = frozenset(found)
+        return self._known_uses[id(statement)]
+
+    def _inside(self, statement: ast.stmt, name: str) -> bool:
+        """Tell whether all uses of a name are in one block inside of a statement."""
+        if not isinstance(statement, ast.If):
+            return False
+        if any(each.id == name for each in _names([ast.Expr(statement.test)])):
+            return False
+        branches = statement.body, statement.orelse
+        return sum(any(name in self._uses(each) for each in branch) for branch in branches) == 1
 
     def _else(self, statements: Sequence[ast.stmt], depth: int, known: set[str]) -> list[str]:
         pad = _PAD * depth
@@ -200,8 +236,14 @@ class Printer:
             case ast.Attribute(attr=name):
                 return 'int' if name in self._integers else 'float'
             case ast.Subscript(value=value):
-                return self._kind(value) if isinstance(value, ast.Attribute) else (
-                    'int' if isinstance(value, ast.Name) and value.id in self._integers else 'float'
+                return (
+                    self._kind(value)
+                    if isinstance(value, ast.Attribute)
+                    else (
+                        'int'
+                        if isinstance(value, ast.Name) and value.id in self._integers
+                        else 'float'
+                    )
                 )
             case ast.BinOp(op=ast.Div() | ast.Pow()):
                 return 'float'
@@ -220,9 +262,13 @@ class Printer:
         """Return an expression where one of this kind is wanted."""
         own = self._kind(node)
         match node:
-            case ast.Constant(value=value) if kind == 'float':
+            case ast.Constant(value=float() | int() as value) if kind == 'float':
                 return self.literal(float(value))
-        return f'({self.real}){self._part(node)}' if (own, kind) == ('int', 'float') else self.text(node)
+        return (
+            f'({self.real}){self._part(node)}'
+            if (own, kind) == ('int', 'float')
+            else self.text(node)
+        )
 
     def _part(self, node: ast.expr, kind: str = '') -> str:
         """Return an expression as a part of another one."""
@@ -233,8 +279,10 @@ class Printer:
     def text(self, node: ast.expr) -> str:
         """Return an expression."""
         match node:
-            case ast.Constant(value=value):
-                return self.literal(value) if isinstance(value, float) else str(int(value))
+            case ast.Constant(value=float() as value):
+                return self.literal(value)
+            case ast.Constant(value=int() as value):
+                return str(int(value))
             case ast.Name(id=name):
                 return self.literal(float(name)) if name in ('nan', 'inf') else c_name(name)
             case ast.Attribute(value=value, attr=name):
@@ -257,7 +305,9 @@ class Printer:
                 return self._compare([left, *comparators], ops)
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 kind = self._kind(node)
-                return f'{self._part(test)} ? {self._part(body, kind)} : {self._part(orelse, kind)}'
+                return (
+                    f'{self._part(test)} ? {self._part(body, kind)} : {self._part(orelse, kind)}'
+                )
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(name, *arguments)
             case ast.Tuple(elts=[ast.Subscript(value=matrix), *_]):  # by its rows
@@ -300,18 +350,6 @@ class Printer:
 def c_name(name: str) -> str:
     """Return a name that C can have."""
     return f'{name}_' if name in _RESERVED else name.strip('_')
-
-
-def _inside(statement: ast.stmt, name: str) -> bool:
-    """Tell whether all uses of a name are in one block inside of a statement."""
-    match statement:
-        case ast.If(test=test, body=body, orelse=orelse):
-            in_test = name in {each.id for each in _names([ast.Expr(test)])}
-            return not in_test and (
-                (name in {each.id for each in _names(body)})
-                != (name in {each.id for each in _names(orelse)})
-            )
-    return False
 
 
 def _every(statements: Sequence[ast.stmt]) -> Iterator[ast.AST]:

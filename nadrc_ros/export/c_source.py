@@ -40,9 +40,7 @@ _ENTRIES = (
 # Of a state, what the exported features need; the rest stays what it is at the beginning.
 _MEMORY = ('levels', 'profile', 'offset', 'smoothed', 'startup', 'since_sample')
 # Of a sample, what is the same for every one.
-_ALWAYS: dict[str, Any] = {
-    **{'age': 0.0, 'followed': True, 'gain_variable': nan, 'feed_forward': 0.0}
-}
+_ALWAYS: dict[str, Any] = {'age': 0.0, 'followed': True, 'gain_variable': nan, 'feed_forward': 0.0}
 _INTEGERS = ('mode', 'cause', 'good', '_ENTRY')
 
 
@@ -234,8 +232,8 @@ class _Exported(Program):
         self.memory = _MEMORY if period is not None else (*_MEMORY, 'scratch')
         self.decays: list[float] = []
 
-    def add(self, function: Any) -> Function:
-        """Evaluate a function once, whatever it is given."""
+    def add(self, function: Any, **sizes: int) -> Function:
+        """Evaluate a function once, whatever it is given; all sizes are those of the design."""
         if function not in self.functions:
             names = list(signature(function).parameters)
             made = self._evaluate(function, dict.fromkeys(names), c_name(function.__name__))
@@ -247,7 +245,9 @@ class _Exported(Program):
 
     def _evaluate(self, function: Any, bound: dict[str, Any], name: str) -> Function:
         evaluator = _Evaluator(self, bound)
-        arguments = [self._given(evaluator, each) for each in signature(function).parameters.values()]
+        arguments = [
+            self._given(evaluator, each) for each in signature(function).parameters.values()
+        ]
         body = tidied(evaluator.run(function, arguments))
         self.called |= evaluator.called
         return Function(name, dict(zip(bound, arguments)), body, gives_of(function))
@@ -298,7 +298,9 @@ class _Evaluator(Evaluator):
 
     def __init__(self, program: _Exported, parameters: Any) -> None:
         reserved = (c_name(each.__name__) for each in _APART)
-        super().__init__((*parameters, *reserved, 'GAINS', 'TIMES', 'softened'), program._called_apart)
+        super().__init__(
+            (*parameters, *reserved, 'GAINS', 'TIMES', 'softened'), program._called_apart
+        )
         self._program = program
         self._periods: ast.expr | None = None
 
@@ -327,24 +329,24 @@ class _Evaluator(Evaluator):
         index = ast.BinOp(ast.Call(load('int'), [periods], []), ast.Sub(), ast.Constant(1))
         self._periods = self.named('periods', Code(index, 'int')).node
         for k in range(levels):
-            scratch[k].place = self._at('GAINS', k)
+            scratch[k].place = self._row_of('GAINS', k)
             scratch[k].cells = [UNLOADED] * states
         scratch[levels].cells = [1.0, *(self._time(m) for m in range(states - 1))]
         scratch[levels + 1].place = load('softened')  # an array of the function
         scratch[levels + 1].cells = [UNLOADED] * states
 
-    def _at(self, table: str, column: int) -> ast.expr:
+    def _row_of(self, table: str, column: int) -> ast.expr:
         assert self._periods is not None
         row = ast.Subscript(load(table), self._periods, ast.Load())
         return ast.Subscript(row, ast.Constant(column), ast.Load())
 
     def _time(self, column: int) -> Code:
-        return Code(self._at('TIMES', column))
+        return Code(self._row_of('TIMES', column))
 
     def _primitive(self, function: Any, arguments: list[Any]) -> Any:
         if function is exp and self._periods is not None:
             match arguments[0].node:
-                case ast.BinOp(left=ast.Constant(value=rate), op=ast.Mult()):
+                case ast.BinOp(left=ast.Constant(value=float() as rate), op=ast.Mult()):
                     decays = self._program.decays
                     if rate not in decays:
                         decays.append(rate)

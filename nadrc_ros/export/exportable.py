@@ -71,7 +71,7 @@ def check_exportable(settings: ControllerSettings, rate: float | None) -> None:
     longest = LONGEST_GAP / rate
     if settings.max_dt > longest:
         allowed = (
-            f'at most {LONGEST_GAP} periods, {longest:g} s at {rate:g} Hz: there is a row of gains '
-            'for each number of periods up to it'
+            f'at most {LONGEST_GAP} periods, {longest:g} s at {rate:g} Hz: there is a row of '
+            'gains for each number of periods up to it'
         )
         raise SettingError('max_dt', settings.max_dt, allowed)

@@ -1,9 +1,10 @@
-"""The files of an export: C source, header, test vectors with the program that runs them, README."""
+"""The files of an export: source, header, test vectors, the program that runs them, README."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from functools import cached_property
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from math import degrees, inf, nan
@@ -22,7 +23,7 @@ from nadrc_ros.export.c_source import c_source, Source
 from nadrc_ros.export.exportable import check_exportable, exact_period
 from nadrc_ros.export.vectors import Call, life, Outcome
 from nadrc_ros.theory.loop import chain
-from nadrc_ros.theory.margins import margins, Margins
+from nadrc_ros.theory.margins import Margins, margins
 import yaml
 
 _TEMPLATES = Path(__file__).with_name('templates')
@@ -34,7 +35,7 @@ class _Template(Template):
     delimiter = '@'
 
 
-@attrs.frozen(kw_only=True)
+@attrs.frozen(kw_only=True, slots=False)
 class Export:
     """
     An export of settings.
@@ -66,28 +67,42 @@ class Export:
     def __attrs_post_init__(self) -> None:
         check_exportable(self.settings, self.rate)
 
-    @property
+    @cached_property
     def period(self) -> float | None:
-        """The period that the C counts with [s]: 1 / rate to one in 2^43."""
+        """The period that the C counts with [s], 1 / rate but for its last digits."""
         return None if self.rate is None else exact_period(self.rate, self.single)
 
-    @property
+    @cached_property
+    def design(self) -> Design:
+        """The design that is exported."""
+        return make_design(self.settings)
+
+    @cached_property
+    def source(self) -> Source:
+        """The law of the design in C."""
+        return c_source(self.design, self.period, 'float' if self.single else 'double', self.name)
+
+    @cached_property
     def parameters(self) -> str:
-        """Return all settings as YAML, of which the header has the hash."""
+        """All settings as YAML, of which the header has the hash."""
         values = {name: getattr(self.settings, name) for name in declared(ControllerSettings)}
         plain = {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
         return yaml.safe_dump({**plain, 'rate': self.rate}, sort_keys=False)
 
-    @property
-    def design(self) -> Design:
-        """Return the design that is exported."""
-        return make_design(self.settings)
-
+    @cached_property
     def margins(self) -> Margins | None:
-        """Return the margins with the plant y^(n) = b0 u, if the rate is known."""
+        """The margins with the plant y^(n) = b0 u, where the rate is known."""
         if self.period is None:
             return None
         return margins(self.design, chain(self.design.order, self.design.b0), self.period)
+
+    @property
+    def warning(self) -> str:
+        """What is wrong with the loop, empty if nothing is known to be."""
+        if self.margins is None or self.margins.modulus > 0.0:
+            return ''
+        plant = f'y^({self.design.order}) = b0 u'
+        return f'the loop is unstable at {self.rate:g} Hz with the plant {plant}'
 
     def files(self) -> dict[str, str]:
         """Return the text of each file by its name."""
@@ -105,53 +120,52 @@ class Export:
             for name, template in names.items()
         }
 
-    def about(self, state: int, tables: int) -> list[str]:
-        """Return what there is to say about the design; sizes in bytes."""
-        settings, design = self.settings, self.design
+    def about(self) -> list[str]:
+        """Return what there is to say about the design."""
+        settings, design, found = self.settings, self.design, self.margins
         at = 'time steps as measured' if self.rate is None else f'{self.rate:g} Hz'
+        bandwidths = ' / '.join(f'{w:.4g}' for w in design.bandwidths)
         lines = [
-            f'Design: {settings.structure}, order {design.order}, levels {design.levels} at '
-            + ' / '.join(f'{w:.4g}' for w in design.bandwidths)
-            + f' rad/s, controller {settings.controller_bandwidth:g} rad/s, b0 {settings.b0:g}; {at}.',
+            f'Design: {settings.structure}, order {design.order}, observers at {bandwidths} '
+            f'rad/s, controller at {settings.controller_bandwidth:g} rad/s, b0 {settings.b0:g}, '
+            f'{at}.'
         ]
-        found = self.margins()
-        if found is not None:
+        if found is not None and not self.warning:
             delay = 'any' if found.delay == inf else f'{1e3 * found.delay:.3g} ms'
             lines.append(
-                f'Margins with the plant y^({design.order}) = b0 u: stable with its gain times '
+                f'Margins with the plant y^({design.order}) = b0 u: gain times '
                 f'{found.gain_low:.3g} to {found.gain_high:.3g}, phase '
                 f'{degrees(found.phase):.0f} degrees, delay {delay}.'
-                if found.modulus > 0.0
-                else f'With the plant y^({design.order}) = b0 u this loop is UNSTABLE.'
             )
+        elif self.warning:
+            lines.append(f'WARNING: {self.warning}.')
+        real = 4 if self.single else 8
+        state = _size(self.source.numbers, design.order + 1, real)
+        tables = self.source.in_tables * real
         lines.append(
             f'Size: {state} bytes for each controller'
-            + (f', {tables} bytes of tables' if tables else '')
-            + '.'
+            + (f', and {tables} bytes of tables for all.' if tables else '.')
         )
-        lines.append(
-            f'Written by nadrc_ros {_version()}; sha256 of the parameters in README.md:'
-        )
+        lines.append(f'By nadrc_ros {_version()}; sha256 of the parameters in README.md:')
         lines.append(sha256(self.parameters.encode()).hexdigest())
         return lines
 
     def _words(self) -> dict[str, object]:
         settings, design, period, single = self.settings, self.design, self.period, self.single
+        source = self.source
         real = 'float' if single else 'double'
-        source = c_source(design, period, real, self.name)
         literal = source.literal
         references = 1 + settings.received_derivatives
         size = design.order + 1
         measured = self.rate is None
-        state = _size(source.numbers, size, 4 if single else 8)
-        about = self.about(state, source.in_tables * (4 if single else 8))
+        about = self.about()
         calls, outcomes = life(settings, period or _PERIOD_OF_VECTORS, measured, self.ticks)
         derivatives = ('', ", r'", ", r' and r''")[references - 1]
         uses_libm = measured or any(f'{name}{"f" * single}(' in source.functions for name in _LIBM)
         clock = (
             'dt is the time since the call before [s], measured; max_dt is in it'
             if measured
-            else f'Both count time in periods: call one of the two every {1.0 / self.rate:g} s'
+            else f'Both count periods: call one of the two every {1.0 / (self.rate or 1.0):g} s'
         )
         return {
             'name': self.name,
@@ -170,15 +184,16 @@ class Export:
             + (' || (FLT_EVAL_METHOD == 1)' if single else ''),
             'period': literal(period) if period is not None else 'NAN',
             'period_macro': ''
-            if measured
+            if period is None
             else f'/* The period [s]. */\n#define {self.name.upper()}_PERIOD {literal(period)}\n',
             'order': design.order,
             'size': size,
             'references': references,
             'derivatives': derivatives,
-            'references_text': '`r` alone'
+            'reference_given': '&r' if references == 1 else 'r',
+            'references_text': 'one number'
             if references == 1
-            else f'{references} numbers, r{derivatives}; NaN for a derivative that is unknown',
+            else f'{references} numbers, r{derivatives}, NaN for a derivative that is unknown',
             'good_samples': design.good_samples,
             'per_call': 'each time' if measured else 'a period',
             'times_text': clock + '.',

@@ -84,14 +84,14 @@ class _Loop:
         self._twin = Twin(settings, period)
         self._random = random.Random(1)
         n, wc = settings.plant_order, settings.controller_bandwidth
-        self._plant = [0.0] * n
         self._command = settings.safe_command
         self._time = 0.0
         # What a command of half the range holds against the feedback, where that can be measured.
         reach = 0.5 * (settings.command_max - settings.command_min) * abs(settings.b0) / wc**n
         low = max(settings.measurement_min, settings.reference_min, LOWEST)
         high = min(settings.measurement_max, settings.reference_max, HIGHEST)
-        self._middle = min(max(0.0, 0.5 * low + 0.5 * high), high) if low > 0.0 or high < 0.0 else 0.0
+        self._middle = 0.0 if low <= 0.0 <= high else 0.5 * low + 0.5 * high
+        self._plant = [self._middle, *[0.0] * (n - 1)]
         self._size = min(reach, 0.4 * (high - low)) or 1.0
         self._pace = 0.3 * wc
         self._events = self._schedule()
@@ -99,6 +99,8 @@ class _Loop:
 
     def go_on(self) -> None:
         """Live for a while, then let something happen."""
+        if abs(self._plant[0] - self._middle) > 2.0 * self._size:  # another trial
+            self._plant = [self._middle, *[0.0] * (len(self._plant) - 1)]
         for _ in range(self._random.randint(*_LIFE)):
             self._tick()
         next(self._events)
@@ -107,7 +109,13 @@ class _Loop:
         """Let everything happen once, and then anything, for ever."""
         events = (
             *(self._bad_samples, self._few_missing, self._silence, self._no_reference),
-            *(self._bad_reference, self._too_far, self._reported, self._disabled, self._begun_anew),
+            *(
+                self._bad_reference,
+                self._too_far,
+                self._reported,
+                self._disabled,
+                self._begun_anew,
+            ),
             *(self._long_gap, self._bad_derivatives),
         )
         order = list(events)
