@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref, c_char, c_double, c_int, CDLL, POINTER
+from ctypes import byref, c_bool, c_char, c_double, CDLL, POINTER
 from math import nan
 from pathlib import Path
 import subprocess
@@ -130,7 +130,7 @@ class InC:
         return self.command
 
     def enable(self, on: bool) -> None:
-        self._call('enable', c_int(on))
+        self._call('enable', c_bool(on))
 
     def outcome(self) -> tuple[int, int, int]:
         return self._call('status'), self._call('mode'), self._call('cause')

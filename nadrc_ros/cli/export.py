@@ -26,7 +26,7 @@ _REFUSED = {
         '',
         "'': export each loop of a cascade, and hand the command over",
     ),
-    'enabled_at_start': (True, 'true: call the enable function with 0 after the init function'),
+    'enabled_at_start': (True, 'true: call the enable function with false after init'),
 }
 _NAME = re.compile('[a-z][a-z0-9_]*')
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 # Functions that a statement may call: what they give.
 _FUNCTIONS = {
     **dict.fromkeys(('exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign'), 'float'),
-    **dict.fromkeys(('isfinite', 'isnan', 'bool', 'int'), 'int'),
+    **dict.fromkeys(('isfinite', 'isnan', 'bool'), 'bool'),
+    'int': 'int',
     'float': 'float',
 }
 # Those that C has for each kind of number, with the ending f for float.
@@ -95,7 +96,7 @@ class Printer:
 
     def type(self, kind: str) -> str:
         """Return the type of a kind."""
-        return self.real if kind == 'float' else 'int'
+        return self.real if kind == 'float' else kind
 
     def literal(self, value: float) -> str:
         """Return a number in full."""
@@ -126,7 +127,7 @@ class Printer:
                     continue
             for target, kind in pairs:
                 if isinstance(target, ast.Name) and self._kinds.get(target.id) != 'float':
-                    found[target.id] = 'float' if 'float' in (kind, found.get(target.id)) else kind
+                    found[target.id] = _widest(kind, found.get(target.id, kind))
         new = {name: kind for name, kind in found.items() if self._kinds.get(name) != kind}
         self._kinds.update(new)
         return bool(new)
@@ -230,33 +231,26 @@ class Printer:
         """Return ``float`` or ``int``, empty while that is not known."""
         match node:
             case ast.Constant(value=value):
-                return 'float' if isinstance(value, float) else 'int'
+                return type(value).__name__
             case ast.Name(id=name):
                 return 'float' if name in ('nan', 'inf') else self._kinds.get(name, '')
             case ast.Attribute(attr=name):
                 return 'int' if name in self._integers else 'float'
             case ast.Subscript(value=value):
-                return (
-                    self._kind(value)
-                    if isinstance(value, ast.Attribute)
-                    else (
-                        'int'
-                        if isinstance(value, ast.Name) and value.id in self._integers
-                        else 'float'
-                    )
-                )
+                if isinstance(value, ast.Attribute):
+                    return self._kind(value)
+                return 'int' if c_name(_base(value)) in self._integers else 'float'
             case ast.BinOp(op=ast.Div() | ast.Pow()):
                 return 'float'
             case ast.BinOp(left=left, right=right) | ast.IfExp(body=left, orelse=right):
-                kinds = self._kind(left), self._kind(right)
-                return 'float' if 'float' in kinds else '' if '' in kinds else 'int'
+                return _widest(self._kind(left), self._kind(right))
             case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
                 return self._kind(operand)
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 if name in ('abs', 'min', 'max'):
-                    return 'float' if 'float' in map(self._kind, arguments) else 'int'
+                    return _widest(*map(self._kind, arguments))
                 return _FUNCTIONS[name] if name in _FUNCTIONS else self.known[name].gives[0]
-        return 'int'
+        return 'bool'
 
     def _as(self, node: ast.expr, kind: str) -> str:
         """Return an expression where one of this kind is wanted."""
@@ -266,7 +260,7 @@ class Printer:
                 return self.literal(float(value))
         return (
             f'({self.real}){self._part(node)}'
-            if (own, kind) == ('int', 'float')
+            if kind == 'float' and own in ('int', 'bool')
             else self.text(node)
         )
 
@@ -281,8 +275,10 @@ class Printer:
         match node:
             case ast.Constant(value=float() as value):
                 return self.literal(value)
+            case ast.Constant(value=bool() as value):
+                return str(value).lower()
             case ast.Constant(value=int() as value):
-                return str(int(value))
+                return str(value)
             case ast.Name(id=name):
                 return self.literal(float(name)) if name in ('nan', 'inf') else c_name(name)
             case ast.Attribute(value=value, attr=name):
@@ -317,7 +313,7 @@ class Printer:
     def _compare(self, values: Sequence[ast.expr], ops: Sequence[ast.cmpop]) -> str:
         pairs = []
         for op, left, right in zip(ops, values, values[1:]):
-            kind = 'float' if 'float' in (self._kind(left), self._kind(right)) else 'int'
+            kind = _widest(self._kind(left), self._kind(right))
             pairs.append(
                 f'{self._part(left, kind)} {_OPERATORS[type(op)]} {self._part(right, kind)}'
             )
@@ -332,7 +328,7 @@ class Printer:
             return self._as(arguments[0], 'float')
         if name == 'int':
             return f'(int){self._part(arguments[0])}'
-        kind = 'float' if 'float' in map(self._kind, arguments) else 'int'
+        kind = _widest(*map(self._kind, arguments))
         if name in ('min', 'max'):
             whole, *others = (self._part(each, kind) for each in arguments)
             sign = '<' if name == 'min' else '>'
@@ -341,15 +337,26 @@ class Printer:
             return whole
         if name == 'abs':
             name = 'fabs'
+        if name in ('isfinite', 'isnan'):
+            return f'({name}({self.text(arguments[0])}) != 0)'
         kind = 'float' if name in _OF_MATH else ''
         parts = ', '.join(self._as(each, kind) if kind else self.text(each) for each in arguments)
         ending = 'f' if name in _OF_MATH and self.real == 'float' else ''
         return f'{name}{ending}({parts})'
 
 
+def _widest(*kinds: str) -> str:
+    """Return the kind that holds all; empty while one that may matter is not known."""
+    return next(kind for kind in ('float', '', 'int', 'bool') if kind in kinds)
+
+
 def c_name(name: str) -> str:
     """Return a name that C can have."""
     return f'{name}_' if name in _RESERVED else name.strip('_')
+
+
+def _base(node: ast.expr) -> str:
+    return node.id if isinstance(node, ast.Name) else ''
 
 
 def _every(statements: Sequence[ast.stmt]) -> Iterator[ast.AST]:

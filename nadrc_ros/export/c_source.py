@@ -41,7 +41,7 @@ _ENTRIES = (
 _MEMORY = ('levels', 'profile', 'offset', 'smoothed', 'startup', 'since_sample')
 # Of a sample, what is the same for every one.
 _ALWAYS: dict[str, Any] = {'age': 0.0, 'followed': True, 'gain_variable': nan, 'feed_forward': 0.0}
-_INTEGERS = ('mode', 'cause', 'good', '_ENTRY')
+_INTEGERS = ('mode', 'cause', 'good', 'ENTRY')
 
 
 class Source(NamedTuple):
@@ -151,7 +151,7 @@ class _Writer:
                 for field, kind in Sample.__annotations__.items():
                     own = f'sample_{field}'
                     if own in read:
-                        known[own] = 'float' if kind.__forward_arg__ == 'float' else 'int'
+                        known[own] = kind.__forward_arg__
                         listed.append(f'{printer.type(known[own])} {own}')
                 continue
             if name not in read or parameter.annotation == 'Design':
@@ -166,16 +166,15 @@ class _Writer:
                 case 'Matrix':
                     listed.append(f'{real} (*{name})[{self.design.states}]')
                 case kind:
-                    known[name] = 'float' if kind == 'float' else 'int'
+                    known[name] = str(kind)
                     listed.append(f'{printer.type(known[name])} {c_name(name)}')
         for i, kind in enumerate(function.gives[1:], 1):
             listed.append(f'{self.types.get(kind) or printer.type(kind)} *gives_{i}')
-        gives = ['float' if kind == 'float' else 'int' for kind in function.gives]
         places = [place for place, i in enumerate(used) if parameters[i].name in changed]
-        printer.known[function.name] = Printed(gives, used, places)
+        printer.known[function.name] = Printed(function.gives, used, places)
         self.parameters[function.name] = [each.split()[-1].strip('*') for each in listed]
         own = f'    {real} softened[{self.design.states}];\n' if 'softened' in read else ''
-        head = printer.type(gives[0]) if gives else 'void'
+        head = printer.type(function.gives[0]) if function.gives else 'void'
         return (
             f'/* {source.__module__}.{source.__name__} */\n'
             f'static {head} {function.name}({", ".join(listed) or "void"})\n'

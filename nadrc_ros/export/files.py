@@ -296,7 +296,7 @@ def _blank(source: Source) -> str:
         f'.policy = {{{", ".join(policy)}}}',
         f'.applied = {literal(nan)}',
         f'.applied_age = {literal(inf)}',
-        '.enabled = 1',
+        '.enabled = true',
         f'.status = {int(Status.NO_MEASUREMENT)}',
     ]
     return ',\n'.join(f'        {line}' for line in lines)

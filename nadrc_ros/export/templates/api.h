@@ -9,6 +9,8 @@
 #ifndef @{NAME}_H
 #define @{NAME}_H
 
+#include <stdbool.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -64,9 +66,9 @@ typedef struct {
     @{real} applied_age;
     @{real} waited;
     int current;
-    int enabled;
     int status;
     int error;
+    bool enabled;
 } @{name}_state;
 
 /*
@@ -87,8 +89,8 @@ int @{name}_init(@{name}_state *self, @{real} y, @{real} u);
 /* Let a period pass without a sample: call this in place of @{name}_step when none came. */
 @{real} @{name}_no_sample(@{name}_state *self@{dt_parameter});
 
-/* Let the law act (1, as from the start) or not (0: the command goes to safe_command). */
-void @{name}_enable(@{name}_state *self, int enabled);
+/* Let the law act, as from the start on, or not: then the command goes to safe_command. */
+void @{name}_enable(@{name}_state *self, bool enabled);
 
 @{name}_status_t @{name}_status(const @{name}_state *self);
 @{name}_mode_t @{name}_mode(const @{name}_state *self);

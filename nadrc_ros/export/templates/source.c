@@ -6,6 +6,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && (__FINITE_MATH_ONLY__ > 0))
@@ -30,15 +31,15 @@
 @{functions}
 
 /* nadrc_ros.adrc.intake: what is no number or out of its range is no reference. */
-static int take_reference(@{name}_state *self, const @{real} *reference)
+static bool take_reference(@{name}_state *self, const @{real} *reference)
 {
-    int taken = 0;
+    bool taken = false;
     if (reference != NULL)
     {
         const @{real} r = reference[0];
         taken = (r >= -HIGHEST) && (r <= HIGHEST) && (r >= @{reference_min}) && (r <= @{reference_max});
     }
-    if (taken != 0)
+    if (taken)
     {
         self->reference[0] = reference[0];
 @{take_derivatives}
@@ -53,9 +54,9 @@ static @{real} advance(
     const @{real} sent = self->command;
     @{real} acting = sent;
     @{real} downstream = @{nan};
-    int foreign = 0;
+    bool foreign = false;
     @{name}_policy after;
-    int dropped = 0;
+    bool dropped = false;
     int i;
     if (self->error != @{NAME}_READY)
     {
@@ -81,7 +82,7 @@ static @{real} advance(
     {
         self->ages[i] += elapsed;
     }
-    const int referenced = take_reference(self, reference);
+    const bool referenced = take_reference(self, reference);
     @{name}_law *const law = &self->laws[1 - self->current];
     self->command = @{tick_call};
     self->policy = after;
@@ -90,11 +91,11 @@ static @{real} advance(
     {
         if (self->ages[i] > @{max_dt})
         {
-            dropped = (dropped != 0) || (self->reference[i] != @{zero});
+            dropped = dropped || (self->reference[i] != @{zero});
             self->reference[i] = @{zero};
         }
     }
-    if (dropped != 0)
+    if (dropped)
     {
         @{adopt_call};
     }
@@ -160,14 +161,14 @@ int @{name}_init(@{name}_state *self, @{real} y, @{real} u)
     return advance(self, @{nan}, @{zero}, elapsed, NULL, @{nan});
 }
 
-void @{name}_enable(@{name}_state *self, int enabled)
+void @{name}_enable(@{name}_state *self, bool enabled)
 {
-    if (enabled == 0)
+    if (!enabled)
     {
         self->policy.stall.at_limit = @{zero};
         self->policy.stall.stalled = @{zero};
     }
-    self->enabled = (enabled != 0);
+    self->enabled = enabled;
 }
 
 @{name}_status_t @{name}_status(const @{name}_state *self)
