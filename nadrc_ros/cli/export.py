@@ -91,7 +91,7 @@ def export(
         out.mkdir(parents=True, exist_ok=True)
         for path, text in texts.items():
             write_whole(out / path, text.encode())
-    for line in made.about()[:3]:
+    for line in made.about()[:-2]:
         say(line)
     say(f'Written to {out}: {", ".join(texts)}. How to build and call it: README.md.')
     if made.warning:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from ctypes import c_float
 from math import isinf, isnan
-import struct
 from typing import NamedTuple
 
 # Functions that a statement may call: what they give.
@@ -100,13 +100,13 @@ class Printer:
 
     def literal(self, value: float) -> str:
         """Return a number in full."""
+        if self.real == 'float':
+            value = c_float(value).value
         cast = '(double)' if self.real == 'double' else ''
         if isnan(value):
             return f'{cast}NAN'
         if isinf(value):
             return f'{cast}INFINITY' if value > 0.0 else f'-{cast}INFINITY'
-        if self.real == 'float':
-            (value,) = struct.unpack('f', struct.pack('f', value))
         digits, _, exponent = value.hex().partition('p')
         if '.' in digits:
             digits = digits.rstrip('0').removesuffix('.')

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 import inspect
 from math import exp, nan
 from typing import Any, NamedTuple
@@ -48,18 +49,21 @@ class Source(NamedTuple):
     """
     The parts of a C file.
 
-    ``members`` are those of the state of the law, which are so many ``numbers``, and those of the
-    tables ``in_tables``; ``literal`` prints a number.
+    ``members`` are those of the state of the law, which are so many ``numbers``; ``arrays`` are
+    what the tables have, ``literal`` prints a number. Of what was printed, ``evaluated`` are the
+    functions, which use what was ``called`` by name.
     """
 
     members: str
     numbers: int
     tables: str
-    in_tables: int
+    arrays: dict[str, list[Any]]
     functions: str
     tick_call: str
     adopt_call: str
     literal: Callable[[float], str]
+    evaluated: list[Function]
+    called: dict[str, Any]
 
 
 def c_source(design: Design, period: float | None, real: str, name: str) -> Source:
@@ -94,12 +98,12 @@ class _Writer:
                 count, sizes = count * len(value[0]), f'{sizes}[{len(value[0])}]'
             numbers += count
             members.append(f'    {self.printer.real} {name}{sizes};')
-        tables, in_tables = self.tables()
+        arrays = self.arrays()
         return Source(
             '\n'.join(members),
             numbers,
-            tables,
-            in_tables,
+            self.tables(arrays),
+            arrays,
             '\n\n'.join(functions),
             self._call(
                 'tick',
@@ -128,6 +132,8 @@ class _Writer:
                 downstream='downstream',
             ),
             self.printer.literal,
+            list(self.program.functions.values()),
+            self.program.called,
         )
 
     def _call(self, name: str, **given: str) -> str:
@@ -138,7 +144,7 @@ class _Writer:
         """Print a function; those that it calls are printed already."""
         real, printer = self.printer.real, self.printer
         prune = _Prune(printer.known)
-        body = tidied([prune.visit(statement) for statement in function.body])
+        body = tidied([prune.visit(deepcopy(statement)) for statement in function.body])
         read = {name for statement in body for name in _reads(statement)}
         changed = _changed(body, printer.known)
         listed: list[str] = []
@@ -190,36 +196,43 @@ class _Writer:
         count = int(self.design.max_dt / self.period)
         return count if count * self.period <= self.design.max_dt else count - 1
 
-    def tables(self) -> tuple[str, int]:
-        """Return the tables that the functions read, and how many numbers they have."""
-        printer, design = self.printer, self.design
-        texts = [
-            f'static const int {c_name(name)}[{len(values)}] = {{{", ".join(map(str, values))}}};'
-            for name, values in self.program.called.items()
-            if isinstance(values, tuple)
-        ]
-        if self.period is None:
-            return '\n\n'.join(texts), 0
-        gains, times, count = [], [], 0
-        for k in range(1, self.longest + 1):
-            dt = k * self.period
+    def arrays(self) -> dict[str, list[Any]]:
+        """
+        Return what is looked up by the number of periods since the last sample.
+
+        That are the gains of each level, and dt / 1, 2, ..., with what decays over dt.
+        """
+        design, gains, times = self.design, [], []
+        for k in range(1, self.longest + 1) if self.period is not None else ():
+            dt = k * (self.period or 0.0)
             scratch = blank_state(design).scratch
             observer.place(design, dt, 1.0, scratch)
-            rows = [', '.join(map(printer.literal, row)) for row in scratch[: design.levels]]
-            gains.append('    {{' + '}, {'.join(rows) + '}}')
-            row = [*scratch[design.levels][1:], *(exp(rate * dt) for rate in self.program.decays)]
-            times.append(f'    {{{", ".join(map(printer.literal, row))}}}')
-            count += design.levels * design.states + len(row)
-        sizes = f'[{len(gains)}][{design.levels}][{design.states}]'
-        for note, head, lines in (
-            ('The gains of each level', f'GAINS{sizes}', gains),
-            ('dt / 1, 2, ..., and what decays over dt', f'TIMES[{len(times)}][{len(row)}]', times),
-        ):
-            texts.append(
-                f'/* {note}, by periods since the last sample. */\n'
-                f'static const {printer.real} {head} = {{\n' + ',\n'.join(lines) + '\n};'
-            )
-        return '\n\n'.join(texts), count
+            gains.append(scratch[: design.levels])
+            decays = [exp(rate * dt) for rate in self.program.decays]
+            times.append([*scratch[design.levels][1:], *decays])
+        return {'GAINS': gains, 'TIMES': times} if gains else {}
+
+    def tables(self, arrays: dict[str, list[Any]]) -> str:
+        """Return the tables that the functions read."""
+        tables: dict[str, tuple[str, Any]] = {
+            c_name(name): ('int', values)
+            for name, values in self.program.called.items()
+            if isinstance(values, tuple)
+        }
+        tables |= {name: (self.printer.real, values) for name, values in arrays.items()}
+        return '\n\n'.join(
+            f'static const {kind} {name}{"".join(f"[{size}]" for size in _shape(values))} = '
+            f'{self._braced(values, kind)};'
+            for name, (kind, values) in tables.items()
+        )
+
+    def _braced(self, values: Any, kind: str, depth: int = 0) -> str:
+        if not isinstance(values, (list, tuple)):
+            return self.printer.literal(values) if kind != 'int' else str(values)
+        parts = [self._braced(each, kind, depth + 1) for each in values]
+        if depth == 0 and kind != 'int':
+            return '{\n    ' + ',\n    '.join(parts) + '\n}'
+        return '{' + ', '.join(parts) + '}'
 
 
 class _Exported(Program):
@@ -389,6 +402,10 @@ class _Prune(ast.NodeTransformer):
             used = [node.args[i] for i in self.known[node.func.id].used]
             return ast.Call(node.func, used, [])
         return node
+
+
+def _shape(values: Any) -> list[int]:
+    return [len(values), *_shape(values[0])] if isinstance(values, (list, tuple)) else []
 
 
 def _reads(statement: ast.stmt) -> set[str]:

@@ -20,7 +20,8 @@ from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.adrc.status import Cause, Mode, Status
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 from nadrc_ros.export.c_source import c_source, Source
-from nadrc_ros.export.exportable import check_exportable, exact_period
+from nadrc_ros.export.exportable import check_exportable, check_single, exact_period
+from nadrc_ros.export.single import SingleTwin
 from nadrc_ros.export.vectors import Call, life, Outcome
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import Margins, margins
@@ -66,6 +67,8 @@ class Export:
 
     def __attrs_post_init__(self) -> None:
         check_exportable(self.settings, self.rate)
+        if self.single:
+            check_single(self.settings, self.rate)
 
     @cached_property
     def period(self) -> float | None:
@@ -81,6 +84,21 @@ class Export:
     def source(self) -> Source:
         """The law of the design in C."""
         return c_source(self.design, self.period, 'float' if self.single else 'double', self.name)
+
+    @cached_property
+    def vectors(self) -> tuple[list[Call], list[Outcome]]:
+        """The calls of the self test, and what has to come of them."""
+        period = self.period or _PERIOD_OF_VECTORS
+        twin = SingleTwin(self.settings, period, self.source) if self.single else None
+        return life(self.settings, period, self.rate is None, self.ticks, twin)
+
+    @cached_property
+    def off(self) -> float:
+        """How far the command with float32 is off at most, as a share of its range."""
+        _, exact = life(self.settings, self.period or _PERIOD_OF_VECTORS, ticks=self.ticks)
+        span = self.settings.command_max - self.settings.command_min
+        pairs = zip(self.vectors[1], exact)
+        return max((abs(own.command - other.command) / span for own, other in pairs), default=0.0)
 
     @cached_property
     def parameters(self) -> str:
@@ -141,11 +159,16 @@ class Export:
             lines.append(f'WARNING: {self.warning}.')
         real = 4 if self.single else 8
         state = _size(self.source.numbers, design.order + 1, real)
-        tables = self.source.in_tables * real
+        tables = real * _count([*self.source.arrays.values()])
         lines.append(
             f'Size: {state} bytes for each controller'
             + (f', and {tables} bytes of tables for all.' if tables else '.')
         )
+        if self.single:
+            lines.append(
+                f'With float the command is off that with double by at most {self.off:.1e} of its '
+                'range, over the test vectors.'
+            )
         lines.append(f'By nadrc_ros {_version()}; sha256 of the parameters in README.md:')
         lines.append(sha256(self.parameters.encode()).hexdigest())
         return lines
@@ -159,7 +182,7 @@ class Export:
         size = design.order + 1
         measured = self.rate is None
         about = self.about()
-        calls, outcomes = life(settings, period or _PERIOD_OF_VECTORS, measured, self.ticks)
+        calls, outcomes = self.vectors
         derivatives = ('', ", r'", ", r' and r''")[references - 1]
         uses_libm = measured or any(f'{name}{"f" * single}(' in source.functions for name in _LIBM)
         clock = (
@@ -253,6 +276,10 @@ def _size(numbers: int, references: int, real: int) -> int:
     policy = 8 + 4 * real + max(4, real) + 6 * real
     whole = 2 * numbers * real + policy + (2 * references + 4) * real + 16
     return whole
+
+
+def _count(table: list[Any]) -> int:
+    return sum(_count(each) if isinstance(each, list) else 1 for each in table)
 
 
 def _members(cls: Any, name: str, real: str) -> str:

@@ -60,15 +60,26 @@ def answer(twin: Twin, call: Call) -> Outcome:
             twin.enable(call.action == ENABLE)
     controller = twin.controller
     return Outcome(
-        controller.command, controller.status.value, controller.mode.value, controller.cause.value
+        float(controller.command),
+        controller.status.value,
+        controller.mode.value,
+        controller.cause.value,
     )
 
 
 def life(
-    settings: ControllerSettings, period: float, measured: bool = False, ticks: int = TICKS
+    settings: ControllerSettings,
+    period: float,
+    measured: bool = False,
+    ticks: int = TICKS,
+    twin: Twin | None = None,
 ) -> tuple[list[Call], list[Outcome]]:
-    """Return calls of a loop around a chain of integrators, and what comes of each."""
-    loop = _Loop(settings, period, measured)
+    """
+    Return calls of a loop around a chain of integrators, and what comes of each.
+
+    ``twin`` is the controller, by default that of the settings.
+    """
+    loop = _Loop(settings, period, measured, twin or Twin(settings, period))
     while len(loop.calls) < ticks:
         loop.go_on()
     return loop.calls[:ticks], loop.outcomes[:ticks]
@@ -77,11 +88,13 @@ def life(
 class _Loop:
     """A plant that the controller controls, and all that may happen to the two."""
 
-    def __init__(self, settings: ControllerSettings, period: float, measured: bool) -> None:
+    def __init__(
+        self, settings: ControllerSettings, period: float, measured: bool, twin: Twin
+    ) -> None:
         self.calls: list[Call] = []
         self.outcomes: list[Outcome] = []
         self._settings, self._period, self._measured = settings, period, measured
-        self._twin = Twin(settings, period)
+        self._twin = twin
         self._random = random.Random(1)
         n, wc = settings.plant_order, settings.controller_bandwidth
         self._command = settings.safe_command
@@ -129,7 +142,7 @@ class _Loop:
         return range(self._random.randint(*_SHORT))
 
     def _bad_samples(self) -> None:
-        outside = [self._settings.measurement_min - 1.0, self._settings.measurement_max + 1.0]
+        outside = _outside(self._settings.measurement_min, self._settings.measurement_max)
         for _ in self._short():
             self._tick(y=self._random.choice([*_NO_NUMBERS, *outside]))
 
@@ -153,7 +166,7 @@ class _Loop:
             self._tick(reference=())
 
     def _bad_reference(self) -> None:
-        outside = [self._settings.reference_min - 1.0, self._settings.reference_max + 1.0]
+        outside = _outside(self._settings.reference_min, self._settings.reference_max)
         for _ in self._short():
             self._tick(reference=(self._random.choice([*_NO_NUMBERS, *outside]), 1.0, 1.0))
 
@@ -236,4 +249,9 @@ class _Loop:
     def _call(self, call: Call) -> None:
         self.calls.append(call)
         self.outcomes.append(answer(self._twin, call))
-        self._command = self._twin.controller.command
+        self._command = float(self._twin.controller.command)
+
+
+def _outside(low: float, high: float) -> list[float]:
+    """Return numbers that are outside in single precision, too."""
+    return [low - 1.0 - 1e-3 * abs(low), high + 1.0 + 1e-3 * abs(high)]
