@@ -4,7 +4,9 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 .ONESHELL:
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test test-paper test-realtime mutants soak bench docs lint build clean distclean
+# of Debian and Ubuntu, for export-test
+TOOLCHAINS := gcc clang gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user qemu-system-arm cppcheck
+.PHONY: help demo paper test test-paper test-realtime export-test mutants soak bench docs lint build clean distclean
 
 PYTHON ?= python3
 ARGS ?=
@@ -56,6 +58,12 @@ test: build $(VENV)/dev ## run all tests but the two kinds below (ARGS='-k obser
 test-paper: build $(VENV)/dev ## run the tests of the reproduction of the paper
 	@$(ACTIVATE)
 	python -m pytest -n 2 --dist loadfile paper/test $(ARGS)
+
+export-test: build $(VENV)/dev ## exported C with other compilers, on aarch64 and a Cortex-M4 of qemu, by MISRA's rules (as root it installs these)
+	@$(ACTIVATE)
+	[ "$$(id -u)" != 0 ] || apt-get install -y --no-install-recommends $(TOOLCHAINS) > build/apt.log 2>&1 \
+		|| echo 'make: apt-get could not install all of that, see build/apt.log'
+	python test/export_machines.py
 
 test-realtime: build $(VENV)/dev ## run the tests that only a machine can pass that keeps time: let nothing else run
 	@$(ACTIVATE)

@@ -17,7 +17,10 @@ FLOORS = (
         ('nodes', 'controller, plant, reference, recorder', WITH_ROS),
         ('tuning', 'design, search, identification', PLAIN),
     ),
-    (('report', 'runs as tables, figures and pages', PLAIN),),
+    (
+        ('report', 'runs as tables, figures and pages', PLAIN),
+        ('export', 'a controller as C for machines without ROS', PLAIN),
+    ),
     (
         ('ros', 'what nodes share: parameters, topics, time', WITH_ROS),
         ('records', 'what is kept of runs, and reading it', PLAIN),

@@ -26,7 +26,7 @@ from export_helpers import (
 from hypothesis import given
 from hypothesis import strategies as st
 from law_helpers import at_least
-from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Cause, Mode, Status
@@ -168,7 +168,11 @@ def test_p04_after_bad_samples_the_law_in_c_is_back_within_the_good_ones(
     )()
 
 
-def test_warnings_are_errors_and_the_vectors_pass(nested: Path) -> None:
+@pytest.mark.parametrize('single', (False, True))
+def test_warnings_are_errors_and_the_vectors_pass(single: bool, tmp_path: Path) -> None:
+    nested = tmp_path
+    settings = ControllerSettings(max_dt=0.1, command_rate_limit=200.0, error_based=True)
+    write(Export(settings=settings, rate=1000.0, single=single, ticks=2000), nested)
     built = compiled(nested, '-O2', *STRICT, 'nadrc.c', 'self_test.c', '-o', 'self_test')
     assert built.returncode == 0, built.stderr
     done = subprocess.run([nested / 'self_test'], capture_output=True, text=True, check=False)
@@ -250,15 +254,6 @@ def test_what_is_not_exported_is_refused_by_name(
         Export(settings=ControllerSettings(**settings), rate=rate)
 
 
-def test_every_setting_is_exported_or_refused() -> None:
-    assert NOT_EXPORTED.keys() <= declared(ControllerSettings).keys()
-    assert set(OF_THE_NODE) == {
-        *declared(PacingSettings),
-        *declared(LoopSettings),
-        *('use_sim_time', 'start_type_description_service'),
-    }
-
-
 PARAMETERS = """
 /**/controller:
   ros__parameters:
@@ -269,6 +264,44 @@ PARAMETERS = """
 
 def nadrc(*arguments: object) -> Any:
     return CliRunner().invoke(app, [*map(str, arguments)])
+
+
+@pytest.mark.parametrize(
+    ('settings', 'rate', 'message'),
+    [
+        ({}, None, 'needs a fixed rate'),
+        ({'feedback': 'fal'}, 1000.0, 'feedback'),
+        ({'structure': 'nonlinear'}, 1000.0, 'structure'),
+        ({'outer_bandwidth': 0.5}, 1000.0, 'outer_bandwidth = 0.5'),
+        ({'pole_ratios': (1.0, 0.01)}, 1000.0, 'inner_bandwidth'),
+        ({'hold_time': 100.0}, 1000.0, 'hold_time'),
+    ],
+)
+def test_what_float_would_drift_with_is_refused_by_name(
+    settings: dict[str, Any], rate: float | None, message: str
+) -> None:
+    with pytest.raises(UserError, match=message):
+        Export(settings=ControllerSettings(max_dt=0.1, **settings), rate=rate, single=True)
+
+
+def test_the_example_for_linux_compiles_and_controls(tmp_path: Path) -> None:
+    example = Path(__file__).parents[1] / 'examples' / 'c'
+    done = nadrc('export', 'c', example / 'yaw.yaml', '--out', tmp_path, '--name', 'yaw')
+    assert done.exit_code == 0, done.output
+    source = str(example / 'linux_loop.c')
+    built = compiled(tmp_path, '-O2', *STRICT, '-I.', source, 'yaw.c', '-o', 'loop', '-lm')
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([tmp_path / 'loop', '0.6'], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+def test_every_setting_is_exported_or_refused() -> None:
+    assert NOT_EXPORTED.keys() <= declared(ControllerSettings).keys()
+    assert set(OF_THE_NODE) == {
+        *declared(PacingSettings),
+        *declared(LoopSettings),
+        *('use_sim_time', 'start_type_description_service'),
+    }
 
 
 def test_a_parameter_file_is_exported(tmp_path: Path) -> None:
