@@ -19,6 +19,7 @@ from export_helpers import STRICT
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.export.files import Export
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 BOARD = ROOT / 'examples' / 'c' / 'cortex_m4'
@@ -168,6 +169,7 @@ def main() -> int:
         cortex_m4(machines, export)
         rules(machines)
         single(machines)
+        example(machines)
     print(f'{machines.failed} failed' if machines.failed else 'all of that is well')
     return int(machines.failed > 0)
 
@@ -208,6 +210,22 @@ def cortex_m4(machines: Machines, export: Export) -> None:
             print(
                 f'  flash {size[6]} bytes, {tables} of them tables; RAM: that of the states alone'
             )
+
+
+def example(machines: Machines) -> None:
+    """Run the loop of examples/c on the board."""
+    gcc, qemu = 'arm-none-eabi-gcc', 'qemu-system-arm'
+    if not there(gcc, qemu, purpose='the example for a Cortex-M4'):
+        return
+    page = yaml.safe_load((BOARD.parent / 'yaw.yaml').read_text(encoding='utf-8'))
+    values = page['/**/controller']['ros__parameters']
+    machines.write(values, values.pop('rate'), name='yaw', ticks=0)
+    bare = ('--specs=rdimon.specs', '-nostartfiles', '-T', BOARD / 'memory.ld', BOARD / 'start.c')
+    machines.run(
+        *(gcc, '-std=c99', '-O2', '-Wall', '-Wextra', '-Werror', '-ffp-contract=off', *M4, *bare),
+        *('-I.', BOARD / 'loop.c', 'yaw.c', '-o', 'loop.elf'),
+    )
+    print('examples/c/cortex_m4: ' + (machines.run(*emulated(qemu), 'loop.elf') or '').strip())
 
 
 def _numbers(table: list[Any]) -> int:
