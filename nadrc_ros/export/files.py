@@ -254,6 +254,9 @@ class Export:
             'adopt_call': source.adopt_call,
             'libm_text': '' if uses_libm else ', no libm',
             'lm': ' -lm' if uses_libm else '',
+            'same_as': 'nadrc_ros in Python with float32'
+            if single
+            else 'the controller node of nadrc_ros',
             'link': f'\ntarget_link_libraries({self.name} PUBLIC m)' if uses_libm else '',
             'ticks': len(calls),
             'rows': _rows(self.name, calls, outcomes, references, measured, literal),
