@@ -130,12 +130,28 @@ function fill(plot) {
     ? `Cut off: the values go from ${brief(found.full[0])} to ${brief(found.full[1])}.` : '';
 }
 
+/** Fill a plot, now if it is in sight; what is not is drawn when it comes into sight. */
+function refresh(plot) {
+  if (!plot.model.hold_render) { fill(plot); return; }
+  if (plot.waits) return;
+  plot.waits = true;
+  (window.requestIdleCallback ?? setTimeout)(() => { plot.waits = false; fill(plot); }); // Safari
+}
+
+const sight = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) {
+    const plot = timed.find(({ element }) => element === target);
+    plot.model.hold_render = !isIntersecting;
+    if (isIntersecting) fill(plot);
+  }
+}, { rootMargin: '300px' });
+
 function show(from, to) {
   const least = 1e-9 * (span[1] - span[0]);
   if (!(to - from > least)) return;
   [shown.from, shown.to] = [from, to];
   timed[0]?.model.x_range.setv({ start: from, end: to });
-  timed.forEach(fill);
+  timed.forEach(refresh);
   draw_cursor();
 }
 
@@ -156,9 +172,9 @@ function move(share) {
 function text(value) {
   if (!Number.isFinite(value)) return '–';
   const size = Math.abs(value);
-  if (size && (size < 1e-4 || size >= 1e7)) return value.toExponential(3).replace('-', '−');
-  const digits = Math.max(0, Math.min(8, 4 - Math.floor(Math.log10(size || 1))));
-  return value.toFixed(Math.min(digits, 6)).replace('-', '−');
+  if (size && (size < 1e-3 || size >= 1e7)) return value.toExponential(2).replace(/-/g, '−');
+  const digits = 3 - Math.floor(Math.log10(size || 1));
+  return value.toFixed(Math.min(Math.max(digits, 0), 5)).replace('-', '−');
 }
 
 const brief = (value) => String(Number(value.toPrecision(3))).replace('-', '−');
@@ -274,7 +290,7 @@ const KEYS = {
   y: () => {
     const scale = find('#scale');
     scale.selectedIndex = (scale.selectedIndex + 1) % scale.length;
-    timed.forEach(fill);
+    timed.forEach(refresh);
   },
 };
 
@@ -284,7 +300,7 @@ function toggle(button) {
   const on = hidden[kind].delete(value);
   if (!on) hidden[kind].add(value);
   button.setAttribute('aria-pressed', on);
-  timed.forEach(fill);
+  timed.forEach(refresh);
 }
 
 /** Let one run stand out while the pointer or the focus is on its name. */
@@ -352,8 +368,10 @@ async function start() {
       plot[name].className = name;
       plot[name].hidden = true;
     }
+    model.hold_render = true;
     timed.push(plot);
     listen(plot);
+    sight.observe(element);
   });
   show(...span);
   every('[data-do]').forEach((button) => button.addEventListener('click', ACTIONS[button.dataset.do]));
@@ -365,7 +383,7 @@ async function start() {
       row.addEventListener(off, () => single_out(null));
     }
   });
-  find('#scale').addEventListener('change', () => timed.forEach(fill));
+  find('#scale').addEventListener('change', () => timed.forEach(refresh));
   addEventListener('keydown', (event) => {
     if (event.target.matches('select, input') || event.ctrlKey || event.metaKey || event.altKey) return;
     const act = KEYS[event.key];

@@ -37,6 +37,7 @@ async function look() {
   found.width = innerWidth;
   found.overflow = document.documentElement.scrollWidth - innerWidth;
   show(1.0, 1.5);
+  timed.forEach(fill); // those out of sight wait
   point(1.2345);
   found.moment = find('#moment').textContent;
   found.values = Object.fromEntries(every('#values [data-column]').map(
@@ -51,6 +52,7 @@ async function look() {
   document.body.dispatchEvent(new KeyboardEvent('keydown', { key: '+', bubbles: true }));
   found.keyed = shown.to - shown.from;
   find('[data-column=reference].toggle').click();
+  timed.forEach(fill);
   found.hidden = timed[0].lines.filter((each) => each.tags[1] === 'reference' && !each.visible).length;
   found.dark = timed[0].model.background_fill_color;
   every('details').forEach((each) => { each.open = true; });
