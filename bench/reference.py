@@ -4,8 +4,8 @@ A reference that comes alone: what each way to its derivatives is worth, as docs
     python -m bench.reference
 
 Keys: ``reference.<order>.<way>.<sender>`` the RMS distance of an arm from what is published
-[1e-3 rad]; ``.noise at rest``, ``.noise of a ramp`` and ``.noise of a sine`` the noise of the
-command under a noisy reference, over that without derivatives.
+[1e-3 rad]; ``.noise at rest`` and the like the noise of the command under a noisy reference, over
+that without derivatives.
 ``reference.setpoints <order>.<way>.<name>`` what setpoints in a sequence do to a plant 1 / s^n.
 """
 
@@ -36,10 +36,13 @@ SENDERS: dict[str, tuple[Signal, dict[str, Any]]] = {
     'joystick at 20 Hz': (SWING, {'every': 10, 'grain': GRAIN}),
     'joystick at 20 Hz, sent on': (SWING, {'every': 10, 'grain': GRAIN, 'held': True}),
 }
-NOISY: dict[str, Signal] = {
-    'noise at rest': Ramp(slope=0.0),
-    'noise of a ramp': Ramp(slope=0.5),
-    'noise of a sine': SWING,
+# Of standard deviation 1e-3, with a pole.
+NOISY: dict[str, tuple[Signal, float]] = {
+    'noise at rest': (Ramp(slope=0.0), 0.0),
+    'noise of a ramp': (Ramp(slope=0.5), 0.0),
+    'noise of a sine': (SWING, 0.0),
+    'coloured noise at rest': (Ramp(slope=0.0), 0.9),
+    'coloured noise of a sine': (SWING, 0.9),
 }
 WAYS: dict[str, dict[str, Any]] = {
     'topics': {'reference_derivatives': 'topics'},
@@ -53,19 +56,27 @@ Sender = Callable[[int], 'list[float] | None']
 
 
 def sender(
-    signal: Signal, *, every: int = 1, grain: float = 0.0, noise: float = 0.0, held: bool = False
+    signal: Signal,
+    *,
+    every: int = 1,
+    grain: float = 0.0,
+    noise: float = 0.0,
+    pole: float = 0.0,
+    seed: int = 1,
+    held: bool = False,
 ) -> Sender:
     """Send each so many ticks, or what was sent last at each tick."""
-    rng, sent = random.Random(1), [0.0, 0.0, 0.0]
+    rng, sent, added = random.Random(seed), [0.0, 0.0, 0.0], 0.0
 
     def send(k: int) -> list[float] | None:
-        nonlocal sent
+        nonlocal sent, added
         if k % every:
             return list(sent) if held else None
         sent = [0.0, 0.0, 0.0]
         signal.derivatives(k * H, sent)
         if noise:
-            sent[0] += rng.gauss(0.0, noise)
+            added = pole * added + rng.gauss(0.0, noise * sqrt(1.0 - pole * pole))
+            sent[0] += added
         if grain:
             sent[0] = round(sent[0] / grain) * grain
         return list(sent)
@@ -110,12 +121,20 @@ def arm(settings: ControllerSettings, signal: Signal, send: Sender) -> tuple[flo
     return sqrt(total / 800), commands
 
 
-def noise(way: dict[str, Any], order: int, signal: Signal, ticks: int = 2000) -> float:
-    """Return how much of the noise of a reference is in the command of an integrator chain."""
+def noise(
+    way: dict[str, Any], order: int, noisy: tuple[Signal, float], ticks: int = 2000
+) -> float:
+    """
+    Return how much of the noise of a reference is in the command of an integrator chain.
+
+    It is what two of one kind differ by: what is late with either is no noise.
+    """
+    signal, pole = noisy
     commands = []
-    for deviation in (1e-3, 0.0):
+    for seed in (1, 2):
         controller = Controller(arm_settings(order, **way), checked=True)
-        send, x, u = sender(signal, noise=deviation), [0.0] * order, []
+        send = sender(signal, noise=1e-3, pole=pole, seed=seed)
+        x, u = [0.0] * order, []
         for k in range(ticks):
             u.append(controller.tick(x[0], H, reference=(send(k) or [])[:1]))
             for i in range(order - 1):
@@ -194,15 +213,15 @@ def figures(order: int, way: dict[str, Any]) -> dict[str, float]:
         name: 1e3 * arm(settings, signal, sender(signal, **how))[0]
         for name, (signal, how) in SENDERS.items()
     }
-    for name, signal in NOISY.items():
-        found[name] = noise(way, order, signal) / noise(WAYS['none'], order, signal)
+    for name, noisy in NOISY.items():
+        found[name] = noise(way, order, noisy) / noise(WAYS['none'], order, noisy)
     return found
 
 
 def main(orders: tuple[int, ...] = (1, 2, 3), **where: Any) -> None:
     """Compare the ways."""
     found = {order: {name: figures(order, way) for name, way in WAYS.items()} for order in orders}
-    jumps = {n: {w: setpoints(n, WAYS[w]) for w in ('topics', 'auto')} for n in orders if n < 3}
+    jumps = {n: {w: setpoints(n, WAYS[w]) for w in ('none', 'auto')} for n in orders}
     saved = {str(n): each for n, each in found.items()}
     saved |= {f'setpoints {n}': each for n, each in jumps.items()}
     save('reference', saved, {}, **where)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import cos, pi, sin
+from random import Random
 from typing import Any
 
 import attrs
@@ -30,9 +31,6 @@ from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 from nadrc_ros.simulation.signals import Ramp, Step
 import pytest
 
-# Of order 3 the command follows the acceleration with a gain: there coarse samples cost more.
-WITHIN = {1: 1.3, 2: 2.0, 3: 3.0}
-
 
 @pytest.mark.parametrize('n', (1, 2, 3))
 @pytest.mark.parametrize('name', SENDERS)
@@ -42,7 +40,7 @@ def test_it_is_followed_as_with_true_derivatives(name: str, n: int) -> None:
         arm(arm_settings(n, reference_derivatives=source), signal, sender(signal, **how))[0]
         for source in ('topics', 'auto')
     )
-    assert alone < WITHIN[n] * true
+    assert alone < 2.0 * true
 
 
 def loop(source: str, send: Sender, n: int, ticks: int) -> tuple[list[float], list[float]]:
@@ -71,29 +69,30 @@ def test_a_step_has_no_derivative(n: int, how: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize('n', (1, 2, 3))
-def test_noise_of_a_reference_that_rests_stays_what_it_is(n: int) -> None:
-    commands = {
-        source: loop(source, sender(Ramp(slope=0.0), noise=1e-3), n, 3000)[1]
-        for source in ('none', 'auto')
-    }
-    power = {source: sum(u * u for u in each) for source, each in commands.items()}
-    assert power['auto'] < 1.1**2 * power['none']
+@pytest.mark.parametrize('name', NOISY)
+def test_noise_of_a_reference_reaches_the_command_as_without_derivatives(
+    name: str, n: int
+) -> None:
+    none, auto = (noise(WAYS[way], n, NOISY[name], 1200) for way in ('none', 'auto'))
+    assert auto < 1.1 * none
 
 
-def test_noise_of_one_that_moves_costs_less_than_to_observe_the_error() -> None:
-    none, auto, error = (
-        noise(WAYS[way], 2, NOISY['noise of a ramp']) for way in ('none', 'auto', 'error_based')
+def test_to_observe_the_error_costs_much_more_noise() -> None:
+    none, error = (
+        noise(WAYS[way], 2, NOISY['noise of a ramp']) for way in ('none', 'error_based')
     )
-    assert auto < 1.1 * none and error > 10.0 * none
+    assert error > 10.0 * none
 
 
-def test_a_clean_reference_has_its_derivatives_after_three_samples() -> None:
+def test_a_clean_reference_has_its_derivatives_after_a_few_samples() -> None:
+    """The rate is that of halfway to the next sample, as it stands until then."""
     design, memory = make_design(ControllerSettings()), blank_memory()
     for _ in range(40):
         follow(design, memory, 3.0, True, H, 0.0)
-    for k in range(1, 5):
+    for k in range(1, 8):
         follow(design, memory, 3.0 + (k * H) ** 2, True, H, 0.0)
-    assert estimated(memory, 1) == pytest.approx(8.0 * H)
+        assert (estimated(memory, 1) > 0.0) == (k > 4)
+    assert estimated(memory, 1) == pytest.approx(2.0 * 7.5 * H)
     assert estimated(memory, 2) == pytest.approx(2.0)
 
 
@@ -133,14 +132,29 @@ def test_setpoints_further_apart_than_the_loop_settles_are_steps() -> None:
         assert estimated(memory, 1) == estimated(memory, 2) == 0.0
 
 
-def test_setpoints_in_a_sequence_make_no_motion_by_default() -> None:
+@pytest.mark.parametrize('n', (1, 2, 3))
+def test_setpoints_in_a_sequence_make_no_motion(n: int) -> None:
     """The figures of docs/reference.md."""
-    default, auto = (setpoints(2, way) for way in ({}, WAYS['auto']))
-    assert default == setpoints(2, WAYS['none'])
-    for name in ('two halves, 20 ms apart', 'three thirds, 0.3 s apart', 'slider at 20 Hz, 0.4 s'):
-        assert default[f'{name}: largest y'] < 1.0 < 1.08 < auto[f'{name}: largest y']
-    drawn = 'drawn at 5 Hz: largest command'
-    assert default[drawn] < 15.0 and auto[drawn] > 100.0
+    auto, none = (setpoints(n, WAYS[way]) for way in ('auto', 'none'))
+    slider = 'slider at 20 Hz, 0.4 s: '
+    for name, value in none.items():
+        if not name.startswith(slider):
+            assert auto[name] == pytest.approx(value, rel=0.1, abs=1e-3), name
+    assert auto[f'{slider}largest y'] < 1.15
+
+
+@pytest.mark.parametrize('every', (1, 2, 5, 10, 20))
+@pytest.mark.parametrize('steps', (0, 10, 4, 1))
+def test_setpoints_that_are_drawn_are_hardly_ever_taken_for_motion(steps: int, every: int) -> None:
+    """Any number from 0 to 1, tenths, quarters, on and off; sent on at 100 Hz."""
+    design = make_design(ControllerSettings(controller_bandwidth=4.0))
+    rng, memory, moved, r = Random(7), blank_memory(), 0, 0.0
+    for k in range(300 * every):
+        if k % every == 0:
+            r = rng.randint(0, steps) / steps if steps else rng.random()
+        follow(design, memory, r, True, 0.01, 0.0)
+        moved += estimated(memory, 1) != 0.0
+    assert moved <= every
 
 
 def test_derivatives_that_come_are_taken_and_those_that_cease_are_estimated() -> None:

@@ -38,7 +38,7 @@ class ReferenceIntake:
         self._received = 1 + settings.received_derivatives
         self._auto = settings.reference_derivatives == 'auto'
         self._ages = [0.0] * size
-        self._estimated = [self._auto and 0 < i < self._received for i in range(size)]
+        self._estimated = [self._auto and i > 0 for i in range(size)]
         self._incomplete = self._auto
 
     def advance(
@@ -57,7 +57,7 @@ class ReferenceIntake:
         if self._incomplete:
             values = self.values
             if follow(design, self.memory, values[0], taken, elapsed, span):
-                for i in range(1, self._received):
+                for i in range(1, min(len(values), 4)):
                     if self._estimated[i]:
                         values[i] = estimated(self.memory, i)
         return taken
@@ -105,4 +105,8 @@ class ReferenceIntake:
                 self._estimated[i] = False
             elif i < self._received:
                 self._incomplete = self._auto
+        if self._auto and len(self.values) > 3:  # the third one goes with the second
+            self._estimated[3] = self._estimated[2]
+            if not self._estimated[3]:
+                self.values[3] = 0.0
         return True

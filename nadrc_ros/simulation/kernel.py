@@ -64,7 +64,7 @@ class Kernel:
         known, estimates = 1 + facing.settings.received_derivatives, 0
         if experiment.reference_alone:
             if facing.settings.reference_derivatives == 'auto':
-                estimates = known - 1
+                estimates = min(facing.settings.plant_order, 3)
             known = 1
         memory, before = np.array(facing.intake.memory), np.array(facing.intake.memory)
         law = compiled_law(running.design)
