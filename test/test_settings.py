@@ -106,10 +106,7 @@ def test_p13_a_setting_is_taken_or_refused_and_nothing_else(value: Any) -> None:
         ({'fal_exponents': (0.5,) * 3}, 'fal_exponents'),
         ({'plant_order': 2.0}, 'plant_order'),
         ({'reference_derivatives': 'differentiator'}, 'tracking_acceleration'),
-        *(
-            ({'reference_derivatives': how, 'tracking_acceleration': 5.0}, 'tracking_acceleration')
-            for how in ('auto', 'none')
-        ),
+        ({'reference_derivatives': 'none', 'tracking_acceleration': 5.0}, 'tracking_acceleration'),
         ({'disturbance_frequencies': (1e-200,)}, 'disturbance_frequencies'),
         ({'measurement_period': 6.28, 'error_deadband': 3.14}, 'error_deadband'),
         ({'b0_table': (1.0,)}, 'b0_table'),

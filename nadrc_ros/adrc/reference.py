@@ -62,8 +62,9 @@ _QUANTISED, _SMOOTH = 1.0, 4e-4
 _BLOCK, _MEAN = 16.0, 16.0
 # A jump of r'' is fed forward over so many time constants, at least over a sample.
 _LEAD = 0.25
-# Of a double, and the slack of a sum of periods.
-_RESOLUTION, _SLACK = 1e-10, 1e-6
+# Of a double; the share of a change below which there is no noise and no grain; and the slack of a
+# sum of periods.
+_RESOLUTION, _FAINT, _SLACK = 1e-12, 1e-6, 1e-6
 
 # What is remembered, by place: times since the sample last used, since the last sample, and since
 # the last change; their usual spacing, -1 at rest and 0 after the first change, and for how long
@@ -189,7 +190,9 @@ def _use(design: Design, memory: Vector, r: float, divides: bool, fresh: bool) -
     excess = r - memory[_PLACE] - dt * (rate + 0.5 * acceleration * dt)
     wc, share = design.controller_bandwidth, 0.5 * (design.order - 1)
     pace = wc * max(dt, memory[_SPACING])
-    quiet, grain, second = sqrt(memory[_NOISE]), _grain(memory), memory[_KNOWN] == 2.0
+    memory[_SCALE] = max(change, abs(prior), memory[_SCALE] * (1.0 - 0.25 / _MEAN))
+    quiet = max(sqrt(memory[_NOISE]), _FAINT * memory[_SCALE])
+    grain, second = _grain(memory), memory[_KNOWN] == 2.0
     off = _learn(memory, r, dt, grain)
     most = _MOST * quiet + sqrt(memory[_JITTER]) * memory[_SCALE]
     quantised = min(_DEVIATION, (_ALWAYS + _SEEN * memory[_ROUGH]) / pace)
@@ -300,20 +303,20 @@ def _believe(
     """
     grain, same = _grain(memory), change * prior > 0.0
     size = max(abs(change), abs(prior))
-    memory[_SCALE] = max(size, memory[_SCALE] * (1.0 - 0.25 / _MEAN))
     near = miss <= _GRAINS * grain
     elsewhere = miss > _ELSEWHERE * size and not (same and near)
     if elsewhere:
         memory[_TRUST] = max(0.0, memory[_TRUST] - 1.0)
     elif same:
-        floored = miss + max(_EXACT * grain, noise, _RESOLUTION * size, 1e-300)
+        floored = miss + max(_EXACT * grain, noise, 1e-300)
         gained = log(abs(change) / floored) / (_NEEDED + _MORE / pace)
         memory[_TRUST] = min(2.0, memory[_TRUST] + max(gained, _EACH if near else 0.0))
     return elsewhere
 
 
 def _grain(memory: Vector) -> float:
-    return memory[_GRAIN] if memory[_GRAIN] > 0.0 else memory[_FINE]
+    grain = memory[_GRAIN] if memory[_GRAIN] > 0.0 else memory[_FINE]
+    return grain if grain > _FAINT * memory[_SCALE] else 0.0
 
 
 def _divide(memory: Vector, change: float, least: float) -> None:
@@ -355,8 +358,6 @@ def _learn(memory: Vector, r: float, dt: float, grain: float) -> float:
         memory[_NOISE] += (square - noise) / (_FORGOTTEN if square < noise else _LEARNT)
     else:
         memory[_KNOWN] += 1.0
-    least = _RESOLUTION * abs(r)
-    memory[_NOISE] = max(memory[_NOISE], least * least)
     for i in (2, 1):
         memory[_AGES + i] = memory[_AGES + i - 1]
         memory[_VALUES + i] = memory[_VALUES + i - 1]

@@ -188,11 +188,10 @@ class ControllerSettings:
         '0 = off',
     )
     reference_derivatives: str = choice(
-        'topics',
-        ('topics', 'auto', 'differentiator', 'none'),
-        'derivatives of the reference: received, 0 while they do not come; received, and from its '
-        'own samples while they do not come, for trajectories only; from the tracking '
-        'differentiator; or taken as 0',
+        'auto',
+        ('auto', 'topics', 'differentiator', 'none'),
+        'derivatives of the reference: received, and from its own samples while they do not come; '
+        'only received; from the tracking differentiator; or taken as 0',
         live=False,
     )
     error_based: bool = flag(
@@ -295,7 +294,7 @@ class ControllerSettings:
                 f'from command_min = {self.command_min!r} to command_max = {self.command_max!r}',
             )
         how, tracked = self.reference_derivatives, self.tracking_acceleration > 0.0
-        if (how == 'differentiator' and not tracked) or (how in ('auto', 'none') and tracked):
+        if (how == 'differentiator' and not tracked) or (how == 'none' and tracked):
             allowed = f'{"0 (off)" if tracked else "above 0"} with reference_derivatives = {how}'
             raise SettingError('tracking_acceleration', self.tracking_acceleration, allowed)
         travel = self.measurement_max - self.measurement_min

@@ -94,8 +94,7 @@ class Doubts:
         late = in_control and held != before and bool(derivatives) and not came and not replaced
         text = (
             f'the reference moves and nothing comes on {", ".join(derivatives)}: it is followed '
-            'late, unless you publish that; if it is a trajectory, and never setpoints that jump, '
-            'reference_derivatives: auto follows it, too'
+            'late, unless you publish that or start with reference_derivatives: auto'
         )
         say('no derivatives', text if late else '', OK, looks=_LOOKS)
 

@@ -53,7 +53,7 @@ def about_reference(settings: ControllerSettings) -> str:
     if settings.reference_derivatives == 'auto':
         without = 'they are estimated from its samples: nearly as well where these are precise'
     else:
-        without = 'it is followed late, but a trajectory is not with reference_derivatives: auto'
+        without = 'it is followed late, but not with reference_derivatives: auto'
     return (
         f'a moving reference is followed as predicted if {" and ".join(topics)} come too; where '
         f'they do not, {without}'
