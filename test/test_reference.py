@@ -228,3 +228,18 @@ def test_where_it_is_told_when_samples_were_sent_the_ticks_do_not_matter(rate: f
         if k > 200:
             assert estimated(memory, 1) == pytest.approx(cos(t), abs=0.01)
             assert estimated(memory, 2) == pytest.approx(-sin(t), abs=0.1)
+
+
+def test_a_timer_of_the_publisher_that_jitters_is_no_noise() -> None:
+    """The values are those of its period, the stamps those of when it got to send them."""
+    design, memory, rng = make_design(ControllerSettings()), blank_memory(), Random(3)
+    before, off = 0.0, [0.0, 0.0]
+    for k in range(1200):
+        stamp = k * H + abs(rng.gauss(0.0, 2e-4))
+        follow(design, memory, sin(k * H), True, H, stamp - before)
+        before = stamp
+        if k >= 200:
+            off[0] += (estimated(memory, 1) - cos(k * H)) ** 2
+            off[1] += (estimated(memory, 2) + sin(k * H)) ** 2
+    assert off[0] < 1000 * 0.03**2
+    assert off[1] < 1000 * 0.7**2
