@@ -51,7 +51,9 @@ def everything(draw: st.DrawFn) -> ControllerSettings:
         if draw(st.booleans()):
             del values[name]
     if values['tracking_acceleration'] > 0.0:
-        values['reference_derivatives'] = draw(st.sampled_from(('auto', 'topics', 'differentiator')))
+        values['reference_derivatives'] = draw(
+            st.sampled_from(('auto', 'topics', 'differentiator'))
+        )
     sign = draw(st.sampled_from((1.0, -1.0)))
     values['b0'] *= sign
     if 'b0_table' in values:

@@ -6,7 +6,7 @@ else: steps, setpoints in a sequence, noise.
 
 *Estimated*: seven filters of one kind, each with twice the memory of the one before, predict the
 reference as a parabola. The slowest is followed that the faster ones do not contradict beyond
-their noise: so a clean reference gets exact derivatives, a quantised one those its grain allows.
+their noise: so a clean reference gets exact derivatives, a quantized one those its grain allows.
 
 *Motion*: what one sample alone says is a step. A sample that goes on in the direction of the last
 one, to where a parabola or the estimate said it would, is evidence of motion: the more, the
