@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import deque
 from math import copysign, inf, nan
 
+from nadrc_ros.adrc.sample import same
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 
 # Changes of our own command that a report may lag.
 _KEPT = 1000
-# Of a sum of times of ticks, and of a command that went through single precision.
-_ROUNDING, SAME = 1.0 + 1e-9, 1e-6
+# Of a sum of times of ticks.
+_ROUNDING = 1.0 + 1e-9
 
 
 class CommandIntake:
@@ -62,14 +63,14 @@ class CommandIntake:
         where it is beyond, what acts may have moved as far as we did. It is of another's command
         if we sent none that is equal, as a number of single precision.
         """
-        if _same(sent, applied):
+        if same(sent, applied):
             return sent, False
         low = high = sent
         since = 0.0
         for command, time in reversed(self._ours):  # the first one is ``sent``
             if since > age * _ROUNDING:
                 break
-            if _same(command, applied):
+            if same(command, applied):
                 return sent, False
             low, high = min(low, command), max(high, command)
             since += time
@@ -97,7 +98,3 @@ class CommandIntake:
         if rate_limit == 0.0 or abs(before) <= change:
             return 0.0
         return before - copysign(change, before)
-
-
-def _same(ours: float, applied: float) -> bool:
-    return abs(ours - applied) <= SAME * abs(ours)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from math import nan
 from typing import NamedTuple
 
+# Of a command that went through single precision.
+SAME = 1e-6
+
 
 class Sample(NamedTuple):
     """
@@ -50,6 +53,11 @@ class Sample(NamedTuple):
     feed_forward: float = 0.0
     downstream: float = nan
     foreign: bool = False
+
+
+def same(sent: float, applied: float) -> bool:
+    """Tell whether what acted is a command that was sent, as a number of single precision."""
+    return abs(sent - applied) <= SAME * abs(sent)
 
 
 def regular(measurement: float, period: float, applied: float, feed_forward: float) -> Sample:

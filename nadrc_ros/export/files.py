@@ -13,9 +13,9 @@ from string import Template
 from typing import Any
 
 import attrs
-from nadrc_ros.adrc.command_intake import SAME
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.sample import SAME
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.adrc.status import Cause, Mode, Status
 from nadrc_ros.adrc.supervisor import PolicyState, Stall

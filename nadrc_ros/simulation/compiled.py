@@ -23,6 +23,7 @@ from warnings import filterwarnings
 from nadrc_ros.adrc import angle
 from nadrc_ros.adrc.angle import short
 from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.sample import same
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.specialise.program import shape_of
 from nadrc_ros.adrc.specialise.python import defined
@@ -45,7 +46,7 @@ import numpy as np
 # What a loop calls beside its plant, its signals and the law.
 _CALLED = (
     *(integrate, sample_time, reach, total_disturbance, shown, short, angle.whole, copy_vector),
-    *(accumulate, accumulate_remainders, damping),
+    *(accumulate, accumulate_remainders, damping, same),
 )
 # So are functions that are arguments.
 filterwarnings('ignore', category=NumbaExperimentalFeatureWarning)
@@ -175,12 +176,11 @@ def compiled_loop(
         below = 0
         facing, asked, asks = design, told, gives
         if outer is not None:
-            around, realise, outer_parts, outer_limits, controlled = outer
+            around, realise, outer_parts, outer_limits, below = outer
             facing, outer_state, outer_spare, asked, asks, rate_noise, follows, outer_counts = (
                 unowned(outer_parts)
             )
             lowest, highest, wrap = outer_limits
-            below = controlled
         h = 1.0 / rate
         first = k
         lost = isnan(x[0])
@@ -211,8 +211,7 @@ def compiled_loop(
                         reference[i] = asked[period.CHANGED + i]
             y = output(plant, x)
             measurement = shown(y + noise[k - noise_start], wrap_min, wrap_max)
-            told[period.SPAN] = h
-            told[period.FEED_FORWARD] = load
+            told[period.SPAN], told[period.FEED_FORWARD] = h, load
             told[period.MEASUREMENT] = measurement
             if outer is None:
                 regular(design, state, reference, told, spare, gives)
@@ -221,11 +220,12 @@ def compiled_loop(
                 acted = told[period.REALISED]
                 if not LOWEST <= acted <= HIGHEST:
                     break
-                asked[period.MEASUREMENT] = measurement
+                asked[period.MEASUREMENT], asked[period.APPLIED] = measurement, acted
                 asked[period.SPAN] = asked[period.ELAPSED] = h
-                asked[period.APPLIED] = acted
                 asked[period.FOLLOWED] = 1.0 if told[period.MODE] == MODE_OK else 0.0
-                asked[period.SENT] = asked[period.COMMAND]
+                asked[period.SENT] = last = asked[period.COMMAND]
+                acts = (last, 0.0) if same(last, acted) else (acted, 1.0)
+                asked[period.DOWNSTREAM], asked[period.FOREIGN] = acts
                 around(facing, outer_state, reference, asked, outer_spare, asks)
                 if asks[period.LEFT] > 0.0:
                     break
@@ -233,7 +233,7 @@ def compiled_loop(
                 if not reference_min <= asking <= reference_max:
                     break
                 follows[0] = asking
-                measured_rate = x[controlled] + rate_noise[k - noise_start]
+                measured_rate = x[below] + rate_noise[k - noise_start]
                 told[period.MEASUREMENT] = measured_rate
                 regular(design, state, follows, told, spare, gives)
             if gives[period.LEFT] > 0.0:
@@ -293,7 +293,7 @@ def compiled_loop(
                     row[FIRST_LEVEL + level] = estimated[level]
                 if outer is not None:
                     row[ROW_WIDTH] = asking
-                    row[ROW_WIDTH + 1] = x[controlled]
+                    row[ROW_WIDTH + 1] = x[below]
                     row[ROW_WIDTH + 2] = measured_rate
             for i in (period.MODE, period.CAUSE):
                 if gives[i] != told[i]:
