@@ -70,7 +70,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> CDLL:
     for shape in SHAPES:
         write(export_of(shape), folder)
     sources = [f'{shape}.c' for shape in SHAPES]
-    built = compiled(folder, '-O1', *STRICT, '-fPIC', '-shared', *sources, '-o', 'all.so', '-lm')
+    built = compiled(folder, '-O0', *STRICT, '-fPIC', '-shared', *sources, '-o', 'all.so', '-lm')
     assert built.returncode == 0, built.stderr
     return CDLL(str(folder / 'all.so'))
 
@@ -146,7 +146,7 @@ def test_p02_p03_p05_whatever_comes_the_command_of_the_c_is_within_its_limits(
                 assert abs(u - before) <= change + 1e-9
             before = u
 
-    at_least(15)(given(calls_of(shape))(check))()
+    at_least(8)(given(calls_of(shape))(check))()
 
 
 @pytest.mark.parametrize('shape', ('nested', 'conventional', 'measured'))
