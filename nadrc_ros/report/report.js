@@ -14,7 +14,8 @@ const every = (query) => [...document.querySelectorAll(query)];
 // ---- samples ----
 
 function decoded(text) {
-  const bytes = Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
+  const bytes = Uint8Array.fromBase64?.(text) // new, and ten times as quick
+    ?? Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
   return new Float64Array(bytes.buffer);
 }
 
@@ -130,19 +131,25 @@ function fill(plot) {
     ? `Cut off: the values go from ${brief(found.full[0])} to ${brief(found.full[1])}.` : '';
 }
 
-/** Fill a plot, now if it is in sight; what is not is drawn when it comes into sight. */
+function draw(plot) {
+  plot.model.hold_render = false;
+  fill(plot);
+}
+
+/** Draw a plot, now if it is in sight, others when there is time. */
 function refresh(plot) {
-  if (!plot.model.hold_render) { fill(plot); return; }
+  if (plot.near) { draw(plot); return; }
+  plot.model.hold_render = true;
   if (plot.waits) return;
   plot.waits = true;
-  (window.requestIdleCallback ?? setTimeout)(() => { plot.waits = false; fill(plot); }); // Safari
+  (window.requestIdleCallback ?? setTimeout)(() => { plot.waits = false; draw(plot); }); // Safari
 }
 
 const sight = new IntersectionObserver((entries) => {
   for (const { target, isIntersecting } of entries) {
     const plot = timed.find(({ element }) => element === target);
-    plot.model.hold_render = !isIntersecting;
-    if (isIntersecting) fill(plot);
+    plot.near = isIntersecting;
+    if (plot.near && plot.waits) draw(plot);
   }
 }, { rootMargin: '300px' });
 
@@ -368,7 +375,6 @@ async function start() {
       plot[name].className = name;
       plot[name].hidden = true;
     }
-    model.hold_render = true;
     timed.push(plot);
     listen(plot);
     sight.observe(element);

@@ -198,7 +198,8 @@ def _of_events(name: str, run: RecordedRun) -> list[_Happened]:
             duration = f'{min(stop, end) - time:.3f}'
         elif event.kind == 'gap':
             duration = _length_of(event.message)
-        found.append(_Happened(time, duration, name, node_of(event.node), event.message))
+        what = f'refused: {event.message}' if event.kind == 'refused' else event.message
+        found.append(_Happened(time, duration, name, node_of(event.node), what))
     return found
 
 
