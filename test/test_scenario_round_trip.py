@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import attrs
@@ -49,19 +50,28 @@ def signals(draw: st.DrawFn) -> SignalSpec:
     return SignalSpec(name=name, values=draw(some_values(SIGNALS[name])))
 
 
+def possible(values: dict[str, Any], order: int) -> ControllerSettings:
+    """Return settings with those of the values that go together: few of all do."""
+    settings = ControllerSettings(plant_order=order)
+    for name, value in values.items():
+        with suppress(SettingError):
+            settings = attrs.evolve(settings, **{name: value})
+    return settings
+
+
 @st.composite
 def scenarios(draw: st.DrawFn) -> Scenario:
     name = draw(st.sampled_from(list(PLANTS)))
     spec = PlantSpec(name=name, values=draw(some_values(PLANTS[name])))
     order, states = spec.make().order, spec.make().states
-    names = draw(st.lists(st.from_regex(r'[A-Za-z_][A-Za-z0-9_]*', fullmatch=True), min_size=1))
+    names = st.from_regex(r'[A-Za-z_][A-Za-z0-9_]*', fullmatch=True)
     changes = draw(
         st.lists(st.tuples(st.floats(0, 1), values_of(declared(ControllerSettings)['levels'])))
     )
     try:
         controllers = {
-            name: ControllerSettings(**draw(some_values(ControllerSettings, plant_order=order)))
-            for name in names
+            name: possible(draw(some_values(ControllerSettings, plant_order=order)), order)
+            for name in draw(st.lists(names, min_size=1, max_size=3))
         }
         return Scenario(
             plant=spec,

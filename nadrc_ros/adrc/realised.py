@@ -40,7 +40,9 @@ def realised_reference(
     raw = raw_command(design, state)
     if command == raw:
         return r
-    gain = state.feedback[0] if design.linear else design.feedback_gains[0]
+    gain = design.feedback_gains[0]
+    if design.known and design.linear:
+        gain = state.feedback[0]
     missing = state.gain[0] * (command - raw) / gain
     if design.linear:
         r += missing

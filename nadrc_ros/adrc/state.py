@@ -230,15 +230,15 @@ def raw_command(design: Design, state: State) -> float:
     reference = design.no_reference if design.error_based else state.profile
     x = levels[design.feedback_level]
     b0, v = design.b0, reference[order]
+    gains = design.feedback_gains
     if design.special:
         if design.error_deadband > 0.0 and state.resting[0] > 0.0:
             return state.resting[1] + state.offset[2]
         b0 = state.gain[0]
         if design.known:
             v += calm(design, x, state)
-            x = state.work[0]
+            x, gains = state.work[0], state.feedback
     if design.linear:  # here, as a call would take a thirtieth of the step
-        gains = state.feedback
         i = 0
         while i < order:
             v += gains[i] * (reference[i] - x[i])
