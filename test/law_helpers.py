@@ -25,8 +25,9 @@ NAMES = tuple(STRUCTURES)
 
 
 def at_least(cases: int) -> settings:
-    """Try so many random cases; the profile `soak` tries more."""
-    return settings(max_examples=max(cases, settings().max_examples))
+    """Try so many random cases, whatever is usual; the profile `soak` tries more."""
+    deep, usual = settings().max_examples, settings.get_profile('test').max_examples
+    return settings(max_examples=max(cases, deep) if deep > usual else cases)
 
 
 def design_of(**values: Any) -> Design:

@@ -34,7 +34,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-SEEDS = 4
+SEEDS = 3
 LAG = """
 plant: {name: chain, order: 1, gain: 5, damping: 2, load: 1}
 reference: {signal: square, frequency: 1}
@@ -393,4 +393,4 @@ def test_nearly_all_intervals_hold_the_true_b0_and_are_narrow() -> None:
         held += found['held']
         if name == 'motor':  # that of tau y'' + y' = b0 u + a y is K / (J R), as it declares
             assert abs(found['bias']) < 1.0 and found['widest'] < 3.0
-    assert held >= 15
+    assert held >= 4 * SEEDS - 1

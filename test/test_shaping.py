@@ -29,7 +29,7 @@ def measured(noise: float) -> np.ndarray:
     return y + noise * np.random.default_rng(0).normal(size=N)
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(
     steps=strategies.lists(strategies.floats(-1.0, 1.0), min_size=100, max_size=300),
     held=strategies.integers(1, 20),

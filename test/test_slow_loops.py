@@ -129,7 +129,7 @@ NUMBERS = st.fixed_dictionaries(
 SAMPLES = st.lists(st.tuples(SIGNED, SIGNED, positive(1e-9, LONGEST)), min_size=2, max_size=20)
 
 
-@settings(max_examples=600)
+@settings(max_examples=200)
 @given(NUMBERS, SAMPLES)
 def test_p02_whatever_is_declared_possible_gives_a_finite_command_within_its_limits(
     numbers: dict[str, Any], samples: list[tuple[float, float, float]]
