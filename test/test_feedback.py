@@ -77,7 +77,7 @@ def test_fal_with_exponent_one_is_the_linear_law(structure: str) -> None:
 def test_fal_gains_of_its_own_and_from_the_bandwidth() -> None:
     def gains(*given_gains: float) -> list[float]:
         design = design_of(feedback='fal', fal_gains=given_gains, controller_bandwidth=4.0)
-        return design.feedback_gains
+        return list(design.feedback_gains)
 
     assert gains(0.0) == [16.0, 8.0]
     assert gains(5.0) == [5.0, 5.0]

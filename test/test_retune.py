@@ -75,10 +75,7 @@ class Loop:
         self.ticks, self.time = 0, 0.0
         for _ in range(ticks):
             self.tick()
-        self.controllers.append(self.copy_of(self.controllers[0]))
-
-    def copy_of(self, it: Any) -> Any:
-        return loads(dumps(it))  # a fifth of the time of deepcopy
+        self.controllers.append(loads(dumps(self.controllers[0])))
 
     def tick(self) -> list[float]:
         y = self.chain.y + self.noise[self.ticks]
@@ -120,9 +117,10 @@ def test_every_live_setting_is_changed_below() -> None:
 @pytest.mark.parametrize('ticks', (1, 4, 60))
 @pytest.mark.parametrize('case', CASES)
 def test_p12_a_change_of_any_live_setting_is_bumpless(case: str, ticks: int) -> None:
-    statuses, warm = set(), Loop(ControllerSettings(**CASES[case]), ticks)
+    statuses: set[Status] = set()
+    frozen = dumps(Loop(ControllerSettings(**CASES[case]), ticks))  # quicker than deepcopy
     for label, base, changed in changes(case):
-        loop = warm.copy_of(warm)
+        loop = loads(frozen)
         kept, retuned = loop.controllers
         applied = kept.command
         retuned.retune(changed)
@@ -139,7 +137,7 @@ def test_p12_a_change_of_any_live_setting_is_bumpless(case: str, ticks: int) -> 
         assert now == pytest.approx(old, abs=1e-9 + scale), label
         statuses.add(kept.status)
         loop.controllers.remove(kept)
-        for _ in range(10):
+        for _ in range(4):
             (u,) = loop.tick()
             assert changed.command_min <= u <= changed.command_max, label
             assert retuned.status < Status.NO_MEASUREMENT, label
@@ -272,9 +270,9 @@ def test_p12_a_change_keeps_the_sum_of_the_estimates(case: str) -> None:
     """What the levels that go away had estimated is not forgotten; of a new model L is another."""
     chosen = [it for it in changes(case) if not it[0].startswith(('b0', 'plant', 'tracking'))]
     assert len(chosen) > len(VALUES)
-    warm = Loop(chosen[0][1], 40)
+    frozen = dumps(Loop(chosen[0][1], 40))
     for label, _, changed in chosen:
-        loop = warm.copy_of(warm)
+        loop = loads(frozen)
         kept, retuned = loop.controllers
         retuned.retune(changed)
         loop.tick()

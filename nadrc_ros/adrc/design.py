@@ -68,7 +68,7 @@ class Design:  # its slots are read five times as fast as the fields of a named 
     tracking_acceleration: float
     linear: bool
     controller_bandwidth: float
-    feedback_gains: list[float]
+    feedback_gains: Vector
     exponents: list[float]
     fal_delta: float
     feedback_level: int
