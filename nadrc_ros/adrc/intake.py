@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import nan
 
 from nadrc_ros.adrc.design import Design
-from nadrc_ros.adrc.reference import blank_memory, estimated, follow
+from nadrc_ros.adrc.reference import blank_memory, ESTIMATED, estimated, follow
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 from nadrc_ros.adrc.status import Status
 
@@ -57,7 +57,7 @@ class ReferenceIntake:
         if self._incomplete:
             values = self.values
             if follow(design, self.memory, values[0], taken, elapsed, span):
-                for i in range(1, min(len(values), 4)):
+                for i in range(1, min(len(values), 1 + ESTIMATED)):
                     if self._estimated[i]:
                         values[i] = estimated(self.memory, i)
         return taken

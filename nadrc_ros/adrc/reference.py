@@ -32,6 +32,9 @@ from nadrc_ros.adrc.angle import whole
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST
 
+# Derivatives that are estimated.
+ESTIMATED = 3
+
 # Poles of the filters, by their distance from 1: the memory in samples is three over it.
 _PACES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 # In units of the controller's time constant 1 / wc: samples that come faster say nothing new, and
@@ -90,7 +93,7 @@ def blank_memory() -> list[float]:
 
 
 def estimated(memory: Vector, order: int) -> float:
-    """Return the derivative of that order, 1 to 3, that the samples so far show."""
+    """Return the derivative of that order, up to 3, that the samples so far show."""
     return memory[_TOLD + order]
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.cascade import CascadeSettings
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.reference import ESTIMATED
 from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
@@ -64,7 +65,7 @@ class Kernel:
         known, estimates = 1 + facing.settings.received_derivatives, 0
         if experiment.reference_alone:
             if facing.settings.reference_derivatives == 'auto':
-                estimates = min(facing.settings.plant_order, 3)
+                estimates = min(facing.settings.plant_order, ESTIMATED)
             known = 1
         memory, before = np.array(facing.intake.memory), np.array(facing.intake.memory)
         law = compiled_law(running.design)

@@ -11,9 +11,9 @@ from __future__ import annotations
 from nadrc_ros.adrc.angle import counted
 from nadrc_ros.adrc.design import Design, Vector
 from nadrc_ros.adrc.realised import realised_reference
-from nadrc_ros.adrc.reference import estimated, follow
+from nadrc_ros.adrc.reference import ESTIMATED, estimated, follow
 from nadrc_ros.adrc.sample import regular, Sample
-from nadrc_ros.adrc.settings import MAX_LEVELS, REFERENCE_DERIVATIVES
+from nadrc_ros.adrc.settings import MAX_LEVELS
 from nadrc_ros.adrc.state import disturbance_estimate, known_before, output_estimate, State
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 from nadrc_ros.adrc.tick import tick
@@ -31,7 +31,7 @@ FIRST_LEVEL = 34
 REALISED = FIRST_LEVEL + MAX_LEVELS
 CHANGED = REALISED + 1
 # Whether the period was left undone.
-LEFT = CHANGED + 1 + REFERENCE_DERIVATIVES
+LEFT = CHANGED + 1 + ESTIMATED
 SIZE = LEFT + 1
 
 
@@ -83,7 +83,7 @@ def estimate_derivatives(
     told[CHANGED] = 0.0
     if follow(design, memory, value, True, span, 0.0):
         told[CHANGED] = 1.0
-        for i in range(1, 1 + REFERENCE_DERIVATIVES):
+        for i in range(1, 1 + ESTIMATED):
             told[CHANGED + i] = estimated(memory, i)
 
 
