@@ -12,34 +12,37 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-import sys
 from typing import Any
 
 from nadrc_ros.atomic import write_whole
+from nadrc_ros.cli.messages import error, say, warning
+from nadrc_ros.cli.table import print_columns, Row
 from paper.run import files, measure, sections, violations
 from paper.section import Section
 from paper.table1 import LABELS
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure all sections, write the article, and return 1 if a number is out of range."""
     given = _parser().parse_args(arguments)
-    given.out.mkdir(parents=True, exist_ok=True)
+    try:
+        given.out.mkdir(parents=True, exist_ok=True)
+    except OSError as failure:
+        error(f'{failure.filename}: {failure.strerror}')
+        return 1
     chosen = sections()
     with _Bar(chosen) as bar:
         results = measure(chosen, bar.tell, os.cpu_count() or 1, given.quick)
     for name, content in files(chosen, results, given.quick).items():
         write_whole(given.out / name, content)
     _print_table_1(results['table1'])
-    print(f'article {given.out / "index.html"}, numbers {given.out / "paper.json"}')
+    say(f'article {given.out / "index.html"}, numbers {given.out / "paper.json"}')
     wrong = [] if given.quick else violations(chosen, results)
     for sentence in wrong:
-        print(f'out of range: {sentence}', file=sys.stderr)
+        warning(f'out of range: {sentence}')
     if wrong:
-        print(f'{len(wrong)} numbers are out of range', file=sys.stderr)
+        error(f'{len(wrong)} numbers are out of range')
     return 1 if wrong else 0
 
 
@@ -78,22 +81,18 @@ class _Bar:
 
 
 def _print_table_1(result: dict[str, Any]) -> None:
-    table = Table(
-        title='Table I: paper | calibrated scenario | difference', title_justify='left', box=None
-    )
-    table.add_column('')
-    table.add_column('paper', justify='right')
+    heads = ['paper']
     for name in result['scenarios']:
-        table.add_column(name, justify='right')
-        table.add_column('', justify='right')
+        heads += [name, f'{name} off [%]']
+    rows = []
     for key, label in LABELS.items():
         numbers = [scenario['table1'][key] for scenario in result['scenarios'].values()]
-        cells = [label, f'{numbers[0]["paper"]:g}']
+        cells = [f'{numbers[0]["paper"]:g}']
         for number in numbers:
             spread = f' ± {number["std"]:.2g}' if number['std'] > 0.0 else ''
-            cells += [f'{number["mean"]:.4g}{spread}', f'{100.0 * number["relative"]:+.1f} %']
-        table.add_row(*cells)
-    Console().print(table)
+            cells += [f'{number["mean"]:.4g}{spread}', f'{100.0 * number["relative"]:+.1f}']
+        rows.append(Row(label, '', cells))
+    print_columns('Table I: paper, and calibrated scenarios with the difference', heads, rows)
 
 
 if __name__ == '__main__':
