@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from io import StringIO
 import shlex
+import sys
 from typing import Any
 
 from nadrc_ros.cli import messages
 from nadrc_ros.cli.app import app, COMMANDS
+from nadrc_ros.cli.wire import _print
 from nadrc_ros.scenario.files import shipped_scenarios
 from nadrc_ros.terminal import command_line, wrapped
 import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
+
+
+class Screen(StringIO):
+    """A terminal, as wide as COLUMNS says."""
+
+    def isatty(self) -> bool:
+        return True
+
 
 LONG = 'nadrc report "runs/a b" runs/20260101-120000 runs/20260101-120015 --page compared.html'
 
@@ -45,11 +56,7 @@ def test_a_message_says_of_what_kind_it_is(kind: str, capfd: pytest.CaptureFixtu
 def test_colours_are_for_terminals_whose_reader_wants_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    class Terminal:
-        def isatty(self) -> bool:
-            return True
-
-    screen: Any = Terminal()
+    screen = Screen()
     monkeypatch.setenv('TERM', 'xterm')
     monkeypatch.delenv('NO_COLOR', raising=False)
     assert messages.colourful(screen)
@@ -82,6 +89,8 @@ def test_help_breaks_no_word(name: str, width: int) -> None:
         (['desgin'], 'no such command: desgin; did you mean design?'),
         (['design', '--setling-time', '3'], 'such option: --setling-time; did you mean --settli'),
         (['design', '--settling-time', '-2'], '--settling-time = -2.0: must be a finite number'),
+        (['identify', 'log', '--order', '9'], "for '--order': "),
+        (['identify', 'log', '--order', '9'], ' 9'),
         (['simulate', 'demo', '--seed', '-2'], '--seed = -2: must be'),
         (['tune', 'demo', '--b0-spread', '1'], "--b0-spread = '1': must be low:high"),
         (['tune', 'demo', '--isu', '-1'], '--isu = -1.0: must be above 0'),
@@ -137,3 +146,18 @@ def test_scenarios_lists_every_shipped_one() -> None:
     for name in shipped_scenarios():
         assert f'\n{name} ' in f'\n{listed.output}'
     assert 'chain, order 3, 15 s at 200 Hz: conventional, nested' in listed.output
+
+
+@pytest.mark.parametrize('width', [60, 80, 200])
+def test_addresses_of_fields_break_at_their_blank_only(
+    width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = Screen()
+    monkeypatch.setattr(sys, 'stdout', screen)
+    monkeypatch.setenv('COLUMNS', str(width))
+    numbers = [('position[name=left_shoulder_pan_joint]', 1.25), ('header.stamp.sec', -3e-9)]
+    _print('/joint_states', 'sensor_msgs/msg/JointState', numbers)
+    words = screen.getvalue().split()
+    assert all(len(line) <= max(width, 60) for line in screen.getvalue().splitlines())
+    for word in ('/joint_states', 'sensor_msgs/msg/JointState', numbers[0][0], '1.25', '-3e-09'):
+        assert words.count(word) == (2 if width == 200 and word[0] in '/s' else 1), word

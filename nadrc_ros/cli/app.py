@@ -6,7 +6,9 @@ help answers at once. Two habits are left out for the typer of Ubuntu 24.04: it 
 and behind `from __future__ import annotations` it does not see the descriptions of the options.
 """
 
+from itertools import pairwise
 import re
+import sys
 from typing import Annotated, Any
 
 from nadrc_ros.adrc.errors import near_to
@@ -82,7 +84,8 @@ class _Commands(TyperGroup):
         try:
             code = super().main(*args, **(more | {'standalone_mode': False}))
         except _UsageError as refused:
-            messages.error(_refusal(refused))
+            words = more.get('args') or (args[0] if args else sys.argv[1:])
+            messages.error(_refusal(refused, list(words)))
             if refused.ctx is not None:
                 path = refused.ctx.command_path
                 usage = refused.ctx.get_usage().removeprefix('Usage: ')
@@ -118,8 +121,8 @@ def _keep_words_whole(formatter: Any) -> None:
     formatter.getvalue = lambda: getvalue().replace(_UNBROKEN, '-')
 
 
-def _refusal(refused: Any) -> str:
-    """Return a usage error in one line, with what may have been meant."""
+def _refusal(refused: Any, words: list[str]) -> str:
+    """Return a usage error in one line, with the value that was typed or may have been meant."""
     name, near = getattr(refused, 'option_name', ''), getattr(refused, 'possibilities', None)
     if name:
         return f'no such option: {name}' + (
@@ -129,7 +132,10 @@ def _refusal(refused: Any) -> str:
     if missing := re.match("No such command '(.*?)'", message):
         near = near_to(missing[1], [command.__name__ for command in COMMANDS])
         return f'no such command: {missing[1]}' + (f'; did you mean {near}?' if near else '')
-    return message[:1].lower() + message[1:]
+    options = getattr(getattr(refused, 'param', None), 'opts', ())
+    typed = next((value for option, value in pairwise(words) if option in options), '')
+    more = f', not {typed}' if typed and typed not in message else ''
+    return message[:1].lower() + message[1:] + more
 
 
 def _first_sentence(command: Any) -> str:
