@@ -79,11 +79,13 @@ def test_sweep(scenario: Path, tmp_path: Path) -> None:
     assert (tmp_path / 'a.csv.yaml').exists() and '`<table>.yaml`' in PAGE
 
 
-def test_design(tmp_path: Path) -> None:
+def test_design_and_export(tmp_path: Path) -> None:
     out = tmp_path / 'out'
     nadrc('design', '--settling-time', 0.5, '--rate', 200, '--out', out)
     assert set(os.listdir(out)) == files_of('`nadrc design`')
     assert differences('`design.json`', document(out / 'design.json', 'design')) == []
+    nadrc('export', 'c', out / 'design.yaml', '--out', tmp_path / 'c')
+    assert set(os.listdir(tmp_path / 'c')) == files_of('`nadrc export`') | {'nadrc.h', 'nadrc.c'}
 
 
 def test_tune(scenario: Path, tmp_path: Path) -> None:
