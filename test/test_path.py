@@ -13,7 +13,7 @@ NOISE = 1.05
 @pytest.mark.parametrize('name', QUICK)
 def test_each_step_of_the_path_is_at_least_as_good_as_the_one_before(name: str) -> None:
     """On the true plant, by ITAE and by peak error, within the effort of the start."""
-    found = path(PLANTS[name], designs=12)
+    found = path(PLANTS[name], designs=8)
     for figure in ('', '.peak'):
         before = 1.0
         for step in ('start', 'design', 'tuned'):

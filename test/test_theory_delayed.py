@@ -61,7 +61,7 @@ def cases(draw: Any) -> Case:
     return design, plant, draw(st.one_of(fits, any_delay))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 @given(case=cases())
 def test_stability_response_and_noise_are_those_of_the_loop_with_the_delay_as_states(
     case: Case,

@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import Design
+from nadrc_ros.theory.known import own_delay
 from nadrc_ros.theory.loop import closed_loop
-from nadrc_ros.theory.model import open_controller, own_delay
+from nadrc_ros.theory.model import open_controller
 from nadrc_ros.theory.norms import frequency_grid
 from nadrc_ros.theory.system import (
     Array,

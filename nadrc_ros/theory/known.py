@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.transition import FASTEST_DECAY, LARGEST_TURN
-from nadrc_ros.theory.system import Array, Complex
+from nadrc_ros.theory.system import Array, Complex, split_delay
 import numpy as np
 from scipy import linalg
 
@@ -131,6 +131,27 @@ def feedback_gains(design: Design, h: float) -> Array:
     return np.asarray(gains + np.array(design.damping), dtype=float)
 
 
+def own_delay(design: Design, h: float) -> tuple[int, float]:
+    """
+    Return by how many whole periods, and what part of one, the law's own command is late in it.
+
+    Its observers get the mean (1 - part) u[k - whole] + part u[k - whole - 1].
+
+    Raises
+    ------
+    ValueError
+        For a dead time in continuous time, where it is no finite number of states.
+
+    """
+    if design.input_delay == 0.0:
+        return 0, 0.0
+    if h == 0.0:
+        raise ValueError('a law with a dead time needs a period')
+    whole, rest = split_delay(design.input_delay, h)
+    part = rest / h
+    return whole, part if part > 1e-9 else 0.0
+
+
 def vibration_matrix(design: Design, h: float) -> Array:
     """
     Return (Pi; Gamma - (1, 0, ...)), shape (n+1, M): what feedback leaves to known vibrations.
@@ -151,8 +172,7 @@ def vibration_matrix(design: Design, h: float) -> Array:
     system -= np.kron(np.hstack([predict[:n, 1:n], -push[:n, None]]), np.eye(count))
     found = np.linalg.solve(system, predict[:n, n:].ravel()).reshape(n, count) * h**n
     if design.input_delay > 0.0:
-        whole = int(design.input_delay / h * (1.0 + 1e-12))
-        part = max(design.input_delay / h - whole, 0.0)
+        whole, part = own_delay(design, h)
         step = predict[n:, n:]
         late = np.linalg.inv((1.0 - part) * step + part * np.eye(count))
         found[-1] = found[-1] @ np.linalg.matrix_power(step, whole + 1) @ late

@@ -22,7 +22,7 @@ from math import exp, factorial
 
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.gains import inversion_matrix
-from nadrc_ros.theory.known import feedback_gains, known_level, vibration_matrix
+from nadrc_ros.theory.known import feedback_gains, known_level, own_delay, vibration_matrix
 from nadrc_ros.theory.system import Array, StateSpace
 import numpy as np
 
@@ -214,25 +214,3 @@ def open_controller(design: Design, h: float = 0.0) -> StateSpace:
         b[:, 2] = -into
         d[2] = -through
     return StateSpace(a, b, -f[None, :], d[None, :], h)
-
-
-def own_delay(design: Design, h: float) -> tuple[int, float]:
-    """
-    Return by how many whole periods, and what part of one, the law's own command is late in it.
-
-    Its observers get the mean (1 - part) u[k - whole] + part u[k - whole - 1].
-
-    Raises
-    ------
-    ValueError
-        For a dead time in continuous time, where it is no finite number of states.
-
-    """
-    if design.input_delay == 0.0:
-        return 0, 0.0
-    if h == 0.0:
-        raise ValueError('a law with a dead time needs a period')
-    periods = design.input_delay / h
-    whole = int(periods * (1.0 + 1e-12))
-    part = periods - whole
-    return whole, part if part > 1e-9 else 0.0

@@ -45,7 +45,7 @@ _KEPT = 0.75
 _KEPT_BESIDE = 0.5
 # A possible settling time is sought up to so many times the one asked for, to three digits; where
 # longer need not be better, also below it, in so many steps first.
-_MUCH_SLOWER, _FINE_BISECTIONS, _COARSE_STEPS, _LAST_BISECTIONS = 1e3, 22, 12, 10
+_MUCH_SLOWER, _FINE_BISECTIONS, _COARSE_STEPS, _LAST_BISECTIONS = 1e3, 22, 8, 10
 # The fastest sound loop is sought between the shortest settling time and so many times that.
 _PACES, _PACE_BISECTIONS = 1e5, 14
 # Of the settling time that is found: what is nobody's margin, as the plant is not quite that one.
