@@ -61,10 +61,11 @@ class CommandIntake:
         A report is of a command that is older than our last one, by its ``age`` [s]. What we sent
         meanwhile spans a range: where the report is within, nothing but us is known to act, and
         where it is beyond, what acts may have moved as far as we did. It is of another's command
-        if we sent none that is equal, as a number of single precision.
+        if we sent none that is equal, as a number of single precision; but for rounding the last
+        one is then what was reported.
         """
         if same(sent, applied):
-            return sent, False
+            return applied, False
         low = high = sent
         since = 0.0
         for command, time in reversed(self._ours):  # the first one is ``sent``

@@ -223,9 +223,8 @@ def compiled_loop(
                 asked[period.MEASUREMENT], asked[period.APPLIED] = measurement, acted
                 asked[period.SPAN] = asked[period.ELAPSED] = h
                 asked[period.FOLLOWED] = 1.0 if told[period.MODE] == MODE_OK else 0.0
-                asked[period.SENT] = last = asked[period.COMMAND]
-                acts = (last, 0.0) if same(last, acted) else (acted, 1.0)
-                asked[period.DOWNSTREAM], asked[period.FOREIGN] = acts
+                asked[period.SENT], asked[period.DOWNSTREAM] = asked[period.COMMAND], acted
+                asked[period.FOREIGN] = 0.0 if same(asked[period.COMMAND], acted) else 1.0
                 around(facing, outer_state, reference, asked, outer_spare, asks)
                 if asks[period.LEFT] > 0.0:
                     break
