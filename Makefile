@@ -48,7 +48,7 @@ paper: build $(VENV)/dev ## measure every claim of the paper, write the article 
 test: build $(VENV)/dev ## run all tests but the two kinds below (ARGS='-k observer' selects)
 	@$(ACTIVATE)
 	[ -z '$(ARGS)' ] || exec python -m pytest $(ARGS)
-	python -m pytest -n 3 --dist worksteal test --ignore=test/ros --junitxml=build/tests.xml
+	python -m pytest -rs -n 3 --dist worksteal test --ignore=test/ros --junitxml=build/tests.xml
 	n=$$(sed -nE '0,/ tests="/s/.* tests="([0-9]+)".*/\1/p' build/tests.xml)
 	[ "$${n:-0}" -ge $(MIN_TESTS) ] || $(call fail,$$n tests were collected; at least $(MIN_TESTS) must be)
 	[ "$$n" -le $(MIN_TESTS) ] || echo "make: there are $$n tests by now: let the Makefile say MIN_TESTS := $$n"
