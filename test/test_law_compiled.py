@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ctypes import c_double, POINTER
 import random
 from typing import Any
 
@@ -53,7 +54,8 @@ def test_p18_compiled_and_plain_give_the_same_bits(case: str) -> None:
         for each in (plain, compiled):
             each.reference[:] = reference or each.reference
         one.reference[:] = reference or one.reference
-        law(design, state, one.reference, told, out, gives)
+        vectors = design, state, one.reference, told, out, gives
+        law.ctypes(*(each.ctypes.data_as(POINTER(c_double)) for each in vectors))
         done += gives[period.LEFT] == 0.0
         for each in (plain, compiled):
             if each is plain or gives[period.LEFT] > 0.0:

@@ -11,7 +11,7 @@ from law_helpers import design_of, Observer
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.simulation.compiled import compiled_law
+from nadrc_ros.simulation.compiled import address, compiled_law
 from nadrc_ros.simulation.kernel import Running
 from nadrc_ros.simulation.period import (
     COMMAND,
@@ -124,7 +124,10 @@ def compiled() -> Any:
         commands = np.zeros(len(noise))
         for k in range(len(noise)):
             told[MEASUREMENT], told[SPAN], told[FEED_FORWARD] = x[0] + noise[k], H, 0.0
-            period(design, state, reference, told, out, gives)
+            period(
+                *(address(design), address(state), address(reference)),
+                *(address(told), address(out), address(gives)),
+            )
             state, out, told, gives = out, state, gives, told
             x = a @ x + b * told[COMMAND]
             commands[k] = told[COMMAND]

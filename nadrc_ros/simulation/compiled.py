@@ -38,7 +38,7 @@ from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
 from nadrc_ros.simulation.protocols import probe_states, sample_time, total_disturbance
 from nadrc_ros.simulation.sensor import shown
 import numba
-from numba import NumbaExperimentalFeatureWarning, types
+from numba import carray, NumbaExperimentalFeatureWarning, types
 from numba.core.event import Event, install_listener, Listener
 from numba.extending import intrinsic, register_jitable
 import numpy as np
@@ -50,7 +50,7 @@ _CALLED = (
 )
 # So are functions that are arguments.
 filterwarnings('ignore', category=NumbaExperimentalFeatureWarning)
-_VECTOR, _NUMBER = types.Array(types.float64, 1, 'C'), types.float64
+_VECTOR, _NUMBER = types.CPointer(types.float64), types.float64
 _SIGNATURES = {
     'regular_period': types.void(*[_VECTOR] * 6),
     'period': types.void(*[_VECTOR] * 6),
@@ -88,6 +88,16 @@ def unowned(context: Any, value: Any) -> Any:
     return value(value), codegen
 
 
+@intrinsic
+def address(context: Any, array: Any) -> Any:
+    """Return the address of what an array holds: one word, where the array itself is seven."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return context.make_array(signature.args[0])(context, builder, args[0]).data
+
+    return types.CPointer(array.dtype)(array), codegen
+
+
 @register_jitable(forceinline=False)
 def advance(*arguments: Any) -> None:
     """Integrate, not inlined; were this local to a loop, numba would not find it on disk."""
@@ -111,7 +121,8 @@ class _Law(dict[str, Any]):
 
     def __init__(self, design: Design) -> None:
         super().__init__()
-        self._sources, self._scope = sources(design)
+        self._sources, scope = sources(design)
+        self._scope = scope | {'carray': carray}
         code = repr(sorted(self._sources.items())) + repr(shape_of(design))
         self._hash = sha256(code.encode()).hexdigest()[:16]
         for name, source in self._sources.items():
@@ -205,7 +216,7 @@ def compiled_loop(
             for i in range(known):
                 reference[i] = r[i]
             if estimate is not None:
-                estimate(facing, memory, asked, r[0], h)
+                estimate(address(facing), address(memory), address(asked), r[0], h)
                 if asked[period.CHANGED] > 0.0:
                     for i in range(1, 1 + estimates):
                         reference[i] = asked[period.CHANGED + i]
@@ -214,9 +225,12 @@ def compiled_loop(
             told[period.SPAN], told[period.FEED_FORWARD] = h, load
             told[period.MEASUREMENT] = measurement
             if outer is None:
-                regular(design, state, reference, told, spare, gives)
+                regular(
+                    *(address(design), address(state), address(reference)),
+                    *(address(told), address(spare), address(gives)),
+                )
             else:
-                realise(design, state, told, asked[period.COMMAND])
+                realise(address(design), address(state), address(told), asked[period.COMMAND])
                 acted = told[period.REALISED]
                 if not LOWEST <= acted <= HIGHEST:
                     break
@@ -225,7 +239,10 @@ def compiled_loop(
                 asked[period.FOLLOWED] = 1.0 if told[period.MODE] == MODE_OK else 0.0
                 asked[period.SENT], asked[period.DOWNSTREAM] = asked[period.COMMAND], acted
                 asked[period.FOREIGN] = 0.0 if same(asked[period.COMMAND], acted) else 1.0
-                around(facing, outer_state, reference, asked, outer_spare, asks)
+                around(
+                    *(address(facing), address(outer_state), address(reference)),
+                    *(address(asked), address(outer_spare), address(asks)),
+                )
                 if asks[period.LEFT] > 0.0:
                     break
                 asking = asks[period.COMMAND]
@@ -234,7 +251,10 @@ def compiled_loop(
                 follows[0] = asking
                 measured_rate = x[below] + rate_noise[k - noise_start]
                 told[period.MEASUREMENT] = measured_rate
-                regular(design, state, follows, told, spare, gives)
+                regular(
+                    *(address(design), address(state), address(follows)),
+                    *(address(told), address(spare), address(gives)),
+                )
             if gives[period.LEFT] > 0.0:
                 break
             u = gives[period.COMMAND]

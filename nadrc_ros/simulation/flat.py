@@ -18,7 +18,7 @@ from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.reference import blank_memory
 from nadrc_ros.adrc.specialise.program import Program, SHAPE
 from nadrc_ros.adrc.specialise.python import SCOPE, text
-from nadrc_ros.adrc.specialise.values import Function, load, Record
+from nadrc_ros.adrc.specialise.values import Function, load, Record, Row
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.simulation import period
 import numpy as np
@@ -34,6 +34,9 @@ ROLLED = frozenset((law._refuse, internal_model.place_known, period.estimate_der
 # compile than all else.
 LEFT = frozenset((law._restart, tick._take_over, state.start, transfer.adopt_reference))
 FUNCTIONS = period.regular_period, period.period, period.realise, period.estimate_derivatives
+
+
+ENTRIES = frozenset(function.__name__ for function in FUNCTIONS)
 
 
 @attrs.frozen
@@ -102,15 +105,25 @@ def _leave() -> list[ast.stmt]:
 
 
 def _source(function: Function, layouts: dict[Any, dict[str, Field]]) -> str:
-    fields = {
+    """Return the code of a function: those that loops call are given addresses."""
+    things = {
         name: layouts[value.cls]
         for name, value in function.parameters.items()
         if isinstance(value, Record) and value.cls in layouts
     }
-    flattened = _Flattened(fields)
+    flattened = _Flattened(things)
     body = [flattened.visit(statement) for statement in function.body] or [ast.Pass()]
     head = f'def {function.name}({", ".join(function.parameters)}):'
-    return '\n'.join([head, *text(body, 1)])
+    arrays = []
+    if function.name in ENTRIES:
+        for name, value in function.parameters.items():
+            size = len(value.cells) if isinstance(value, Row) else getattr(value, 'size', 0)
+            if name in things:
+                last = list(things[name].values())[-1]
+                size = last.begin + prod(last.shape)
+            if size:
+                arrays.append(f'    {name} = carray({name}, {size})')
+    return '\n'.join([head, *arrays, *text(body, 1)])
 
 
 class _Flattened(ast.NodeTransformer):
