@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from importlib import import_module, invalidate_caches
 from math import inf, nan
-from pathlib import Path
 import subprocess
 import sys
 from typing import Any
@@ -16,7 +14,7 @@ from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.simulation import loop
 from nadrc_ros.simulation.batch import run_metrics, simulate_batch
-from nadrc_ros.simulation.compiled import _named_by_source, announced
+from nadrc_ros.simulation.compiled import announced
 from nadrc_ros.simulation.experiment import Experiment, Retune
 from nadrc_ros.simulation.faults import (
     COMMAND_KINDS,
@@ -296,7 +294,21 @@ def test_every_plant_and_signal_gives_the_same_bits(signal: str) -> None:
         for k in range(100):
             derivatives(w, k * 1e-3, one)
             derivative(plant, k * 1e-3, x, 0.7, one[0], work[0])
-            integrate(derivative, plant, derivatives, w, k * 1e-3, x, 0.7, 1e-3, 2, work, one, out)
+            integrate(
+                derivative,
+                plant,
+                derivatives,
+                w,
+                k * 1e-3,
+                x,
+                0.7,
+                1e-3,
+                2,
+                work,
+                one,
+                out,
+                len(x),
+            )
             for i in range(len(x)):
                 x[i] = out[i]
         derivatives(w, 0.1, all_orders)
@@ -371,29 +383,3 @@ def test_a_compilation_is_announced_once_and_for_its_own_loop_only() -> None:
             with trigger_event('numba:compile', data={'dispatcher': dispatcher}):
                 pass
     assert len(said) == 1 and 'compiling' in said[0]
-
-
-@pytest.mark.parametrize(
-    ('old', 'new'),
-    [('G = 9.8', 'G = 9.9'), ('x * G', 'x + G'), ('import sin', 'import cos as sin')],
-)
-def test_what_is_on_disk_is_known_by_its_source(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
-) -> None:
-    source = 'from math import sin\nG = 9.8\ndef f(x):\n    return sin(x * G)\n'
-    monkeypatch.syspath_prepend(tmp_path)
-    found = []
-    for text in (source, source, source.replace(old, new)):
-        (tmp_path / 'mine.py').write_text(text)
-        monkeypatch.delitem(sys.modules, 'mine', raising=False)
-        invalidate_caches()
-        function = import_module('mine').f
-        assert _named_by_source(function, ())
-        found.append(function.__qualname__)
-    assert found[0] == found[1] != found[2]
-
-
-def test_what_has_no_source_file_is_not_kept_on_disk() -> None:
-    names: dict[str, Any] = {'__name__': 'typed'}
-    exec('def f(x):\n    return x\n', names)
-    assert not _named_by_source(names['f'], ())

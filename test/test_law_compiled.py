@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from ctypes import c_double, POINTER
+from importlib import import_module, invalidate_caches
+from pathlib import Path
 import random
+import sys
 from typing import Any
 
 from law_helpers import NAN, state_bits, varied_settings
@@ -14,7 +17,8 @@ from nadrc_ros.adrc.state import blank_state
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation import period
-from nadrc_ros.simulation.compiled import compiled_law
+from nadrc_ros.simulation.compiled import _named_by_source
+from nadrc_ros.simulation.compiled_law import compiled_law
 from nadrc_ros.simulation.kernel import Running
 import pytest
 
@@ -99,3 +103,29 @@ def stream(controller: Controller) -> Any:
                 foreign=others.random() > 0.5,
             )
         yield sample, reference, k % 700 > 100
+
+
+@pytest.mark.parametrize(
+    ('old', 'new'),
+    [('G = 9.8', 'G = 9.9'), ('x * G', 'x + G'), ('import sin', 'import cos as sin')],
+)
+def test_what_is_on_disk_is_known_by_its_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
+) -> None:
+    source = 'from math import sin\nG = 9.8\ndef f(x):\n    return sin(x * G)\n'
+    monkeypatch.syspath_prepend(tmp_path)
+    found = []
+    for text in (source, source, source.replace(old, new)):
+        (tmp_path / 'mine.py').write_text(text)
+        monkeypatch.delitem(sys.modules, 'mine', raising=False)
+        invalidate_caches()
+        function = import_module('mine').f
+        assert _named_by_source(function, ())
+        found.append(function.__qualname__)
+    assert found[0] == found[1] != found[2]
+
+
+def test_what_has_no_source_file_is_not_kept_on_disk() -> None:
+    names: dict[str, Any] = {'__name__': 'typed'}
+    exec('def f(x):\n    return x\n', names)
+    assert not _named_by_source(names['f'], ())

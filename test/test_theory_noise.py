@@ -11,7 +11,7 @@ from law_helpers import design_of, Observer
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.design import Design, make_design
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.simulation.compiled import address, compiled_law
+from nadrc_ros.simulation.compiled_law import address, compiled_law
 from nadrc_ros.simulation.kernel import Running
 from nadrc_ros.simulation.period import (
     COMMAND,

@@ -1,10 +1,10 @@
 """
 The loop of a run compiled by numba, from the functions of the law, the plant and the metrics.
 
-This is the one file that imports numba. Every function of the loop is registered with numba, which
+Every function of the loop is registered with numba, which
 then compiles the source that runs in plain Python: same bits, 50 times the speed. One loop serves
 one combination of plant, reference and disturbance class; their numbers are arguments, and so is
-the law, compiled by itself for each shape of a design (see ``flat``). What was compiled is kept on
+the law (see ``compiled_law``). What was compiled is kept on
 disk, in ``__pycache__`` beside its source or else in the user's cache folder, under a name made of
 the source files of all of it: numba by itself would not notice that another file than this one
 changed.
@@ -18,29 +18,24 @@ from hashlib import sha256
 from inspect import getmodule, getsource
 from math import isfinite, isnan
 from typing import Any
-from warnings import filterwarnings
 
 from nadrc_ros.adrc import angle
 from nadrc_ros.adrc.angle import short
-from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.sample import same
 from nadrc_ros.adrc.settings import HIGHEST, LOWEST, REFERENCE_DERIVATIVES
-from nadrc_ros.adrc.specialise.program import shape_of
-from nadrc_ros.adrc.specialise.python import defined
 from nadrc_ros.adrc.state import copy_vector, damping
 from nadrc_ros.adrc.status import MODE_OK
 from nadrc_ros.simulation import period
+from nadrc_ros.simulation.compiled_law import address, unowned
 from nadrc_ros.simulation.dead_time import reach
-from nadrc_ros.simulation.flat import sources
 from nadrc_ros.simulation.integrate import integrate
 from nadrc_ros.simulation.loop import FIRST_LEVEL, ROW_WIDTH
 from nadrc_ros.simulation.metrics import accumulate, accumulate_remainders
 from nadrc_ros.simulation.protocols import probe_states, sample_time, total_disturbance
 from nadrc_ros.simulation.sensor import shown
 import numba
-from numba import carray, NumbaExperimentalFeatureWarning, types
 from numba.core.event import Event, install_listener, Listener
-from numba.extending import intrinsic, register_jitable
+from numba.extending import register_jitable
 import numpy as np
 
 # What a loop calls beside its plant, its signals and the law.
@@ -48,54 +43,10 @@ _CALLED = (
     *(integrate, sample_time, reach, total_disturbance, shown, short, angle.whole, copy_vector),
     *(accumulate, accumulate_remainders, damping, same),
 )
-# So are functions that are arguments.
-filterwarnings('ignore', category=NumbaExperimentalFeatureWarning)
-_VECTOR, _NUMBER = types.CPointer(types.float64), types.float64
-_SIGNATURES = {
-    'regular_period': types.void(*[_VECTOR] * 6),
-    'period': types.void(*[_VECTOR] * 6),
-    'realise': types.void(*[_VECTOR] * 3, _NUMBER),
-    'estimate_derivatives': types.void(*[_VECTOR] * 3, _NUMBER, _NUMBER),
-}
 # So many combinations of classes are kept ready; a further one is read from disk again.
 _LOOPS_KEPT = 64
 # Of a reference: itself and the derivatives that have a topic.
 _REFERENCE_ENTRIES = 1 + REFERENCE_DERIVATIVES
-
-
-@intrinsic
-def unowned(context: Any, value: Any) -> Any:
-    """
-    Return ``value`` with arrays that are not counted: the caller keeps them alive.
-
-    The loop swaps states each period. Counted, each of these takes and gives back a reference.
-    """
-
-    def strip(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-        if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder, value)
-            array.meminfo = array.meminfo.type(None)
-            return array._getvalue()
-        if isinstance(kind, types.BaseTuple):
-            for i, part in enumerate(kind):
-                stripped = strip(context, builder, part, builder.extract_value(value, i))
-                value = builder.insert_value(value, stripped, i)
-        return value
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return strip(context, builder, signature.args[0], args[0])
-
-    return value(value), codegen
-
-
-@intrinsic
-def address(context: Any, array: Any) -> Any:
-    """Return the address of what an array holds: one word, where the array itself is seven."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return context.make_array(signature.args[0])(context, builder, args[0]).data
-
-    return types.CPointer(array.dtype)(array), codegen
 
 
 @register_jitable(forceinline=False)
@@ -104,48 +55,9 @@ def advance(*arguments: Any) -> None:
     integrate(*arguments)
 
 
-def compiled_law(design: Design) -> dict[str, Any]:
-    """
-    Return the functions of :mod:`~nadrc_ros.simulation.period` for designs of this shape.
-
-    Each is compiled, or read from disk, when it is first asked for.
-    """
-    shape = shape_of(design)
-    if shape not in _LAWS:
-        _LAWS[shape] = _Law(design)
-    return _LAWS[shape]
-
-
-class _Law(dict[str, Any]):
-    """The compiled functions of one shape by name."""
-
-    def __init__(self, design: Design) -> None:
-        super().__init__()
-        self._sources, scope = sources(design)
-        self._scope = scope | {'carray': carray}
-        code = repr(sorted(self._sources.items())) + repr(shape_of(design))
-        self._hash = sha256(code.encode()).hexdigest()[:16]
-        for name, source in self._sources.items():
-            # As if from this file: what is kept on disk lies beside a file that there is.
-            function = defined(name, source, self._scope, __file__)
-            if name not in _SIGNATURES:
-                self._scope[name] = numba.njit(error_model='numpy')(function)
-
-    def __missing__(self, name: str) -> Any:
-        function = self._scope[name]
-        function.__qualname__ = f'{name}_{self._hash}'
-        function.__module__ = __name__
-        options = {'cache': True, 'error_model': 'numpy'}
-        self[name] = made = numba.cfunc(_SIGNATURES[name], nopython=True, **options)(function)
-        return made
-
-
-_LAWS: dict[Any, _Law] = {}
-
-
 @lru_cache(_LOOPS_KEPT)
 def compiled_loop(
-    derivative: Any, output: Any, references: Any, disturbances: Any
+    derivative: Any, output: Any, references: Any, disturbances: Any, states: int
 ) -> Callable[..., Any]:
     """
     Return the loop for these methods; it is compiled, or read from disk, at its first call.
@@ -271,15 +183,15 @@ def compiled_loop(
             if late:
                 since, span, source = t, h, x
                 if rest > 0.0:
-                    parts = t, x, acting, rest, substeps, work, w, x_middle
+                    parts = t, x, acting, rest, substeps, work, w, x_middle, states
                     advance(derivative, plant, disturbances, disturbance, *parts)
                     since, span, source = t + rest, h - rest, x_middle
                     disturbances(disturbance, since, w)
                     derivative(plant, since, source, later, w[0], work[0])
-                parts = since, source, later, span, substeps, work, w, x_next
+                parts = since, source, later, span, substeps, work, w, x_next, states
                 advance(derivative, plant, disturbances, disturbance, *parts)
             else:
-                parts = t, x, u, h, substeps, work, w, x_next
+                parts = t, x, u, h, substeps, work, w, x_next, states
                 integrate(derivative, plant, disturbances, disturbance, *parts)
             if not lost:  # a plant that was lost before stays so
                 fine = isfinite(truth)

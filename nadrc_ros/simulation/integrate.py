@@ -44,6 +44,7 @@ def integrate(
     work: Any,
     w: MutableVector,
     out: MutableVector,
+    size: int,
 ) -> None:
     """
     Write x(t + h) into ``out`` from x(t) in ``x``, with command ``u`` held over [t, t + h].
@@ -72,9 +73,10 @@ def integrate(
         One entry, w(t); overwritten.
     out
         The new state; never ``x`` itself.
+    size
+        How many states there are.
 
     """
-    size = len(x)
     step = h / substeps
     stage = work[4]
     for i in range(size):
@@ -140,6 +142,7 @@ class Integrator:
                 self._work,
                 self._w,
                 out,
+                len(x),
             )
             finite = all(isfinite(out[i]) for i in range(len(out)))
         except (OverflowError, ValueError) as error:

@@ -20,7 +20,8 @@ from nadrc_ros.adrc.settings import ControllerSettings, REFERENCE_DERIVATIVES
 from nadrc_ros.adrc.status import Status
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 from nadrc_ros.simulation import period
-from nadrc_ros.simulation.compiled import announced, compiled_law, compiled_loop, same_alone
+from nadrc_ros.simulation.compiled import announced, compiled_loop, same_alone
+from nadrc_ros.simulation.compiled_law import compiled_law
 from nadrc_ros.simulation.experiment import Experiment
 from nadrc_ros.simulation.faults import Faults
 from nadrc_ros.simulation.flat import flat, unflat
@@ -47,7 +48,7 @@ class Kernel:
             type(plant).output,
             *(type(signal).derivatives for signal in signals),
         )
-        self.compiled = compiled_loop(*self.methods)
+        self.compiled = compiled_loop(*self.methods, plant.states)
 
     def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
         """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""

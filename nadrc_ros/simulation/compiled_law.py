@@ -1,0 +1,104 @@
+"""
+The law compiled by numba, by itself for each shape of a design, and how a loop calls it.
+
+A loop gets the address of a function as an argument: so it is compiled once for all shapes, and a
+shape once for all loops.
+"""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from typing import Any
+from warnings import filterwarnings
+
+from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.specialise.program import shape_of
+from nadrc_ros.adrc.specialise.python import defined
+from nadrc_ros.simulation.flat import sources
+import numba
+from numba import carray, NumbaExperimentalFeatureWarning, types
+from numba.extending import intrinsic
+
+# Functions that are arguments are such a feature.
+filterwarnings('ignore', category=NumbaExperimentalFeatureWarning)
+_VECTOR, _NUMBER = types.CPointer(types.float64), types.float64
+_SIGNATURES = {
+    'regular_period': types.void(*[_VECTOR] * 6),
+    'period': types.void(*[_VECTOR] * 6),
+    'realise': types.void(*[_VECTOR] * 3, _NUMBER),
+    'estimate_derivatives': types.void(*[_VECTOR] * 3, _NUMBER, _NUMBER),
+}
+
+
+def compiled_law(design: Design) -> dict[str, Any]:
+    """
+    Return the functions of :mod:`~nadrc_ros.simulation.period` for designs of this shape.
+
+    Each is compiled, or read from disk, when it is first asked for.
+    """
+    shape = shape_of(design)
+    if shape not in _LAWS:
+        _LAWS[shape] = _Law(design)
+    return _LAWS[shape]
+
+
+class _Law(dict[str, Any]):
+    """The compiled functions of one shape by name."""
+
+    def __init__(self, design: Design) -> None:
+        super().__init__()
+        self._sources, scope = sources(design)
+        self._scope = scope | {'carray': carray}
+        code = repr(sorted(self._sources.items())) + repr(shape_of(design))
+        self._hash = sha256(code.encode()).hexdigest()[:16]
+        for name, source in self._sources.items():
+            # As if from this file: what is kept on disk lies beside a file that there is.
+            function = defined(name, source, self._scope, __file__)
+            if name not in _SIGNATURES:
+                self._scope[name] = numba.njit(error_model='numpy')(function)
+
+    def __missing__(self, name: str) -> Any:
+        function = self._scope[name]
+        function.__qualname__ = f'{name}_{self._hash}'
+        function.__module__ = __name__
+        options = {'cache': True, 'error_model': 'numpy'}
+        self[name] = made = numba.cfunc(_SIGNATURES[name], nopython=True, **options)(function)
+        return made
+
+
+_LAWS: dict[Any, _Law] = {}
+
+
+@intrinsic
+def unowned(context: Any, value: Any) -> Any:
+    """
+    Return ``value`` with arrays that are not counted: the caller keeps them alive.
+
+    The loop swaps states each period. Counted, each of these takes and gives back a reference.
+    """
+
+    def strip(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = array.meminfo.type(None)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            for i, part in enumerate(kind):
+                stripped = strip(context, builder, part, builder.extract_value(value, i))
+                value = builder.insert_value(value, stripped, i)
+        return value
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return strip(context, builder, signature.args[0], args[0])
+
+    return value(value), codegen
+
+
+@intrinsic
+def address(context: Any, array: Any) -> Any:
+    """Return the address of what an array holds: one word, where the array itself is seven."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return context.make_array(signature.args[0])(context, builder, args[0]).data
+
+    return types.CPointer(array.dtype)(array), codegen
