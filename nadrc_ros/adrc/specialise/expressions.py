@@ -172,10 +172,8 @@ class Expressions(Workspace):
                 parts = [self._go_on(parts, node.op, known, statements, value)]
             elif isinstance(value, Code):
                 parts.append(value.node)
-            elif bool(value) == decisive:
-                if not parts:
-                    return decisive
-                return Code(ast.BoolOp(node.op, [*parts, ast.Constant(decisive)]), 'bool')
+            elif bool(value) == decisive:  # whatever the parts before it are
+                return decisive
         if not parts:
             return not decisive
         return Code(_connected(node.op, parts), 'bool')
