@@ -1,11 +1,14 @@
-"""Statements made fewer: what nothing reads is left out."""
+"""Statements made fewer: what nothing reads is left out, but for calls, which may write."""
 
 from __future__ import annotations
 
 import ast
 from collections import Counter
 
+from nadrc_ros.adrc.specialise.expressions import PRIMITIVES
+
 Statements = list[ast.stmt]
+_PURE = frozenset(function.__name__ for function in PRIMITIVES)
 
 
 def tidied(body: Statements) -> Statements:
@@ -38,7 +41,11 @@ def _needed(body: Statements, loads: Counter[str]) -> Statements:
                     if not isinstance(target, ast.Name) or loads[target.id] > 0
                 ]
                 if not statement.targets:
-                    continue
+                    if not _may_write(statement.value):
+                        continue
+                    call = ast.Expr(statement.value)
+                    call.source = statement.source  # type: ignore[attr-defined]
+                    statement = call
             case ast.If():
                 statement.body = _needed(statement.body, loads)
                 statement.orelse = _needed(statement.orelse, loads)
@@ -55,6 +62,12 @@ def _needed(body: Statements, loads: Counter[str]) -> Statements:
         if isinstance(statement, ast.Return):
             break
     return kept
+
+
+def _may_write(value: ast.expr) -> bool:
+    """Tell whether there is a call in it of what may write to memory."""
+    called = (node.func for node in ast.walk(value) if isinstance(node, ast.Call))
+    return any(not isinstance(each, ast.Name) or each.id not in _PURE for each in called)
 
 
 def _size(body: Statements) -> int:
