@@ -11,6 +11,7 @@ from typing import Any
 
 from law_helpers import NAN, state_bits, varied_settings
 from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.state import blank_state
@@ -19,6 +20,7 @@ from nadrc_ros.adrc.tick import tick
 from nadrc_ros.simulation import period
 from nadrc_ros.simulation.compiled import _named_by_source
 from nadrc_ros.simulation.compiled_law import compiled_law
+from nadrc_ros.simulation.flat import sources
 from nadrc_ros.simulation.kernel import Running
 import pytest
 
@@ -36,6 +38,18 @@ ALL: dict[str, Any] = {
 CHOSEN = 'nonlinear-2', 'error-td-fal', 'cascade-ratios'
 CASES = {name: varied_settings()[name] for name in CHOSEN} | {'all': ALL}
 TICKS = 3000
+
+
+@pytest.mark.parametrize(
+    'case',
+    ['table', 'table-td', 'deadband', 'delay', 'angle-td', 'known lags', 'vibration-generalized'],
+)
+def test_every_feature_can_be_evaluated(case: str) -> None:
+    code, _ = sources(make_design(ControllerSettings(**varied_settings()[case])))
+    assert {'regular_period', 'period', 'realise', 'estimate_derivatives'} <= set(code)
+    for name, source in code.items():
+        compile(source, name, 'exec')
+        assert 'design.' not in source and 'state.' not in source.replace('state.py', ''), name
 
 
 @pytest.mark.parametrize('case', CASES)
