@@ -64,9 +64,13 @@ def make_joined(names: Sequence[str], make: Callable[[str, A | None], A]) -> lis
 
 
 def waits_at_start(controller: Controller) -> bool:
-    """Tell whether it holds for an inner loop that has yet to begin, which is no fault."""
+    """
+    Tell whether it holds for an inner loop that has yet to begin, which is no fault.
+
+    Or for one that has begun by now: the outer loop, which ticks first, hears of it a tick later.
+    """
     inner, waits = controller.inner, controller.cause == Cause.NOT_FOLLOWED
-    return waits and inner is not None and inner.cause == Cause.START
+    return waits and inner is not None and inner.cause in (Cause.START, Cause.NONE)
 
 
 def join_cascades(axes: Mapping[str, Axis]) -> None:
