@@ -240,7 +240,6 @@ def test_sums_of_periods_are_exact(rate: float, single: bool) -> None:
         ({'error_deadband': 0.1}, 200.0, 'error_deadband'),
         ({'feed_forward_timeout': 0.1}, 200.0, 'feed_forward_timeout'),
         ({'applied_timeout': 0.1}, 200.0, 'applied_timeout'),
-        ({'reference_derivatives': 'auto'}, 200.0, 'reference_derivatives'),
         ({'startup_time': 0.1}, 200.0, 'startup_time = 0.1: must be 0 at a fixed rate'),
         ({'max_dt': 10.0}, 200.0, 'max_dt = 10.0: must be at most 1023 periods'),
         ({'max_dt': 0.005}, 200.0, 'max_dt'),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import frexp, ldexp
 
+import attrs
 from nadrc_ros.adrc.design import bandwidths
 from nadrc_ros.adrc.errors import SettingError, UserError
 from nadrc_ros.adrc.settings import ControllerSettings, FASTEST_RATE, SLOWEST_RATE
@@ -42,10 +43,6 @@ NOT_EXPORTED: dict[str, tuple[Callable[[ControllerSettings], bool], str]] = {
         lambda s: s.applied_timeout == 0.0,
         '0: a report counts in the call that it is handed over in; hand it over in each',
     ),
-    'reference_derivatives': (
-        lambda s: s.reference_derivatives != 'auto',
-        'topics, differentiator or none: derivatives from the samples are not exported',
-    ),
 }
 
 
@@ -54,6 +51,13 @@ def exact_period(rate: float, single: bool) -> float:
     mantissa, exponent = frexp(1.0 / rate)
     digits = _DIGITS[single] - _SPARE_BITS
     return ldexp(round(ldexp(mantissa, digits)), exponent - digits)
+
+
+def without_estimates(settings: ControllerSettings) -> ControllerSettings:
+    """Return the settings with derivatives of the reference only where they are handed over."""
+    if settings.reference_derivatives == 'auto':
+        return attrs.evolve(settings, reference_derivatives='topics')
+    return settings
 
 
 def check_exportable(settings: ControllerSettings, rate: float | None) -> None:

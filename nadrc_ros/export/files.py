@@ -20,7 +20,12 @@ from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.adrc.status import Cause, Mode, Status
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
 from nadrc_ros.export.c_source import c_source, Source
-from nadrc_ros.export.exportable import check_exportable, check_single, exact_period
+from nadrc_ros.export.exportable import (
+    check_exportable,
+    check_single,
+    exact_period,
+    without_estimates,
+)
 from nadrc_ros.export.single import SingleTwin
 from nadrc_ros.export.vectors import Call, life, Outcome
 from nadrc_ros.theory.loop import chain
@@ -44,7 +49,7 @@ class Export:
     Parameters
     ----------
     settings
-        Of the controller.
+        Of the controller; ``reference_derivatives`` auto is topics.
     rate
         Of the loop [Hz], or None where time steps are measured.
     single
@@ -59,7 +64,7 @@ class Export:
 
     """
 
-    settings: ControllerSettings
+    settings: ControllerSettings = attrs.field(converter=without_estimates)
     rate: float | None
     single: bool = False
     name: str = 'nadrc'
