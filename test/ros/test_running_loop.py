@@ -76,8 +76,10 @@ class Tank:
 
 
 def assert_same(result: Result, expected: Result) -> None:
-    """Compare bit for bit; every nan is the same one."""
+    """Compare bit for bit but the modes, which a run records as events; every nan is the same."""
     for field in attrs.fields(Result):
+        if field.name == 'modes':
+            continue
         got, wanted = getattr(result, field.name), getattr(expected, field.name)
         if isinstance(wanted, np.ndarray):
             assert got.shape == wanted.shape, field.name
