@@ -37,8 +37,8 @@ SETPOINT = 0.3
 # What a loop that is at rest to rounding may still differ by, of what the load does.
 TOLERANCE = 0.01
 REST = 1e-7
-LONGEST = 4_000  # periods
-CASES = 20
+LONGEST = 3_000  # periods
+CASES = 12
 FIELDS = {name: f for name, f in declared(ControllerSettings).items() if f.live}
 
 
