@@ -8,14 +8,15 @@ from typing import Any
 import attrs
 from hypothesis import given
 from hypothesis import strategies as st
-from law_helpers import at_least, bits, NAMES, state_bits, varied_settings
+from law_helpers import at_least, bits, NAMES, NAN, state_bits, varied_settings
 from nadrc_ros.adrc.controller import Controller
-from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.design import make_design, Vector
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.specialise.evaluator import Evaluator
 from nadrc_ros.adrc.specialise.program import shape_of
-from nadrc_ros.adrc.specialise.python import source_of
-from nadrc_ros.adrc.specialise.values import Code, load, Refused
+from nadrc_ros.adrc.specialise.python import defined, SCOPE, source_of, text
+from nadrc_ros.adrc.specialise.tidy import tidied
+from nadrc_ros.adrc.specialise.values import Code, load, Memory, Refused
 from nadrc_ros.adrc.state import disturbance_estimate
 from nadrc_ros.adrc.tick import tick
 import pytest
@@ -154,8 +155,86 @@ def guarded(x: float) -> float:
         pass
 
 
-@pytest.mark.parametrize('function', [comprehension, guarded])
+def either_number(x: float) -> float:
+    return x or 3.0
+
+
+def returns_from_a_loop(x: float) -> float:
+    return _found(x)
+
+
+def _found(x: float) -> float:
+    while x > 1.0:
+        if x < 2.0:
+            return x
+        x = 0.5 * x
+    return 0.0
+
+
+@pytest.mark.parametrize('function', [comprehension, guarded, either_number])
 def test_what_is_not_known_is_refused_by_its_line(function: Any) -> None:
     line = function.__code__.co_firstlineno + 1
     with pytest.raises(Refused, match=rf'test_specialise\.py:{line}: cannot be specialized'):
         Evaluator(['x']).run(function, [Code(load('x'))])
+
+
+def test_a_return_in_a_loop_of_a_call_is_refused_and_not_lost() -> None:
+    with pytest.raises(Refused, match='a return in a loop'):
+        Evaluator(['x']).run(returns_from_a_loop, [Code(load('x'))])
+
+
+def _bump(v: Vector) -> float:
+    v[0] += 1.0
+    return v[0]
+
+
+def read_before_a_call(v: Vector, x: float) -> float:
+    return v[0] - x * _bump(v)
+
+
+def argument_before_a_call(v: Vector, x: float) -> float:
+    return max(v[0] * x, _bump(v), x)
+
+
+def compared_before_a_call(v: Vector, x: float) -> float:
+    return 1.0 if v[0] < _bump(v) else x
+
+
+def swapped(v: Vector, x: float) -> float:
+    v[0], v[1] = v[1], v[0]
+    return v[0] - x
+
+
+def power_of_a_negative_number(v: Vector, x: float) -> float:
+    base = -2.0
+    return float(base ** float(int(x))) + v[0]
+
+
+def a_call_for_what_it_writes(v: Vector, x: float) -> float:
+    for i in range(3):
+        _bump(v)
+        _ = x * i
+    return v[0]
+
+
+@pytest.mark.parametrize('rolled', [False, True])
+@pytest.mark.parametrize(
+    'function',
+    [
+        *(read_before_a_call, argument_before_a_call, compared_before_a_call, swapped),
+        *(power_of_a_negative_number, a_call_for_what_it_writes),
+    ],
+)
+def test_what_is_read_is_what_was_there_in_the_order_of_the_source(
+    function: Any, rolled: bool
+) -> None:
+    evaluator = Evaluator(['v', 'x'], rolled=rolled)
+    place = load('v')
+    vector = Memory(place, 2) if rolled else evaluator.row('v', 2, place)
+    body = tidied(evaluator.run(function, [vector, Code(load('x'))]))
+    source = '\n'.join(['def made(v, x):', *text(body, 1)])
+    made = defined('made', source, dict(SCOPE), 'made')
+    for x in (2.0, -3.0, NAN if function is not power_of_a_negative_number else 5.0):
+        vectors = [0.5, -1.5], [0.5, -1.5]
+        assert bits([function(vectors[0], x)]) == bits([made(vectors[1], x)]), source
+        assert bits(vectors[0]) == bits(vectors[1]), source

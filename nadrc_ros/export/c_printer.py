@@ -242,7 +242,9 @@ class Printer:
                 return 'int' if c_name(_base(value)) in self._integers else 'float'
             case ast.BinOp(op=ast.Div() | ast.Pow()):
                 return 'float'
-            case ast.BinOp(left=left, right=right) | ast.IfExp(body=left, orelse=right):
+            case ast.BinOp(left=left, right=right):
+                return _widest(self._kind(left), self._kind(right)).replace('bool', 'int')
+            case ast.IfExp(body=left, orelse=right):
                 return _widest(self._kind(left), self._kind(right))
             case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
                 return self._kind(operand)

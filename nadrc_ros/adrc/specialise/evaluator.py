@@ -160,7 +160,10 @@ class Evaluator(Expressions):
             case ast.Name():
                 self.scope.values[target.id] = self.kept(target.id, value)
             case ast.Tuple():
-                for each, part in zip(target.elts, self.items(value), strict=True):
+                parts = self.items(value)
+                if not all(isinstance(each, ast.Name) for each in target.elts):
+                    parts = [self.read_now(part) for part in parts]
+                for each, part in zip(target.elts, parts, strict=True):
                     self._assign(each, part)
             case ast.Subscript():
                 self.write(self.value(target.value), self.value(target.slice), value)
@@ -228,6 +231,8 @@ class Evaluator(Expressions):
 
     def _loop(self, statement: ast.While | ast.For) -> None:
         """Write a loop: what changes in it has a name, or is in memory, before it begins."""
+        if not self.scope.outermost and _may_return(statement):
+            raise self.refused('a return in a loop whose end is not known')
         written, again = self.body, dict[str, str]()
         while True:
             before = self.known()

@@ -72,7 +72,7 @@ class Expressions(Workspace):
             case ast.Name():
                 return self._look_up(node.id)
             case ast.Tuple():
-                return tuple(map(self.value, node.elts))
+                return tuple(self._values(node.elts))
             case ast.Attribute():
                 thing = self.value(node.value)
                 if isinstance(thing, Record):
@@ -81,7 +81,7 @@ class Expressions(Workspace):
             case ast.Subscript():
                 return self._entry(node)
             case ast.BinOp():
-                return self._operate(node.op, self.value(node.left), self.value(node.right))
+                return self._operate(node.op, *self._values([node.left, node.right]))
             case ast.UnaryOp():
                 return self._negate(node.op, self.value(node.operand))
             case ast.BoolOp():
@@ -96,6 +96,20 @@ class Expressions(Workspace):
             case ast.Call():
                 return self._call(node)
         raise self.refused(f'an expression of this kind: {ast.unparse(node)}')
+
+    def _values(self, nodes: Sequence[ast.expr]) -> list[Any]:
+        """Evaluate one after another: what one reads from memory, it reads before the next."""
+        values: list[Any] = []
+        for node in nodes:
+            begin = len(self.body)
+            value = self.value(node)
+            written = self.body[begin:]
+            if not all(map(is_load, written)):
+                del self.body[begin:]
+                values = [self.read_now(each) for each in values]
+                self.body += written
+            values.append(value)
+        return values
 
     def items(self, value: Any) -> list[Any]:
         """Return the entries of what is looped over or taken apart."""
@@ -166,6 +180,8 @@ class Expressions(Workspace):
         for each in node.values:
             before, known = len(self.body), self.known()
             value = self.value(each)
+            if kind_of(value) != 'bool':  # which C would make one of
+                raise self.refused(f'"and" or "or" of a number: {ast.unparse(each)}')
             statements = self.body[before:]
             if parts and not all(map(is_load, statements)):
                 del self.body[before:]
@@ -187,21 +203,27 @@ class Expressions(Workspace):
         value: Any,
     ) -> ast.expr:
         """Write what the next part of an ``and`` or ``or`` needs where it comes to that."""
-        after = self.known()
+        after, other = self.known(), Statements()
         self.forget(known)
-        self.merge(after, statements, [])
+        self.merge(after, statements, other)
         name = self.fresh('both' if isinstance(op, ast.And) else 'either')
         self.emit(ast.Assign([store(name)], _connected(op, parts)))
         assignment = ast.Assign([store(name)], self.expression(value))
         test = load(name) if isinstance(op, ast.And) else ast.UnaryOp(ast.Not(), load(name))
-        self.emit(ast.If(test, [*statements, self.sourced(assignment)], []))
+        self.emit(ast.If(test, [*statements, self.sourced(assignment)], other))
         return load(name)
 
     def _operate(self, op: ast.operator, left: Any, right: Any) -> Any:
         if not isinstance(left, Code) and not isinstance(right, Code):
             return _OPERATORS[type(op)](left, right)
         kind = 'float' if isinstance(op, ast.Div) else wider(left, right)
-        return Code(ast.BinOp(self.expression(left), op, self.expression(right)), kind)
+        kind = 'int' if kind == 'bool' else kind
+        base = self.expression(left)
+        if (
+            isinstance(op, ast.Pow) and not isinstance(left, Code) and left < 0
+        ):  # -2 ** x is -(2 ** x)
+            base = ast.UnaryOp(ast.USub(), self.expression(-left))
+        return Code(ast.BinOp(base, op, self.expression(right)), kind)
 
     def _negate(self, op: ast.unaryop, value: Any) -> Any:
         if not isinstance(value, Code):
@@ -209,7 +231,7 @@ class Expressions(Workspace):
         return Code(ast.UnaryOp(op, value.node), 'bool' if isinstance(op, ast.Not) else value.kind)
 
     def _compare(self, node: ast.Compare) -> Any:
-        values = [self.value(each) for each in (node.left, *node.comparators)]
+        values = self._values([node.left, *node.comparators])
         pairs = list(zip(node.ops, values, values[1:]))
         decided = [_decide(*pair) for pair in pairs]
         if False in decided:
@@ -228,8 +250,9 @@ class Expressions(Workspace):
 
     def _call(self, node: ast.Call) -> Any:
         function = self.value(node.func)
-        positional = [self.value(each) for each in node.args]
-        named = {str(each.arg): self.value(each.value) for each in node.keywords}
+        values = self._values([*node.args, *(each.value for each in node.keywords)])
+        positional, rest = values[: len(node.args)], values[len(node.args) :]
+        named = {str(each.arg): value for each, value in zip(node.keywords, rest)}
         if function in PRIMITIVES:
             return self._primitive(function, positional)
         if function is len:

@@ -56,6 +56,8 @@ def _needed(body: Statements, loads: Counter[str]) -> Statements:
                     statement.body, statement.orelse = statement.orelse, []
             case ast.While() | ast.For():
                 statement.body = _needed(statement.body, loads)
+                if isinstance(statement, ast.For) and not statement.body:
+                    continue
             case ast.Pass():
                 continue
         kept.append(statement)

@@ -109,6 +109,14 @@ class Workspace:
             return self.named(name, value)
         return value
 
+    def read_now(self, value: Any) -> Any:
+        """Return a value that what is written to memory from now on does not change."""
+        if isinstance(value, tuple):
+            return tuple(map(self.read_now, value))
+        nodes = ast.walk(value.node) if isinstance(value, Code) else ()
+        reads = any(isinstance(node, ast.Subscript) for node in nodes)
+        return self.named('before', value) if reads else value
+
     def write(self, vector: Any, index: Any, value: Any) -> None:
         """Write an entry of a vector."""
         if isinstance(vector, Memory):
