@@ -320,6 +320,11 @@ def test_a_parameter_file_is_exported(tmp_path: Path) -> None:
     [
         ('', (), 'give --rate or --measured-dt'),
         ('', ('--rate', 5000, '--measured-dt'), 'either this or --rate'),
+        ('    rate: 500.0\n', ('--rate', 0), '--rate = 0'),
+        *(
+            ('', ('--rate', 500, '--name', taken), f'{taken}.h is another file')
+            for taken in ('self_test', 'test_vectors', 'math')
+        ),
         ('    inner_bandwith: 3.0\n', ('--rate', 500), 'did you mean inner_bandwidth?'),
         ('    reference_from: x\n', ('--rate', 500), 'reference_from'),
         ('    enabled_at_start: false\n', ('--rate', 500), 'enabled_at_start'),

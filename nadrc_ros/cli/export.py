@@ -29,6 +29,8 @@ _REFUSED = {
     'enabled_at_start': (True, 'true: call the enable function with false after init'),
 }
 _NAME = re.compile('[a-z][a-z0-9_]*')
+# Files of the export, and of C, that one of that name would be in the place of.
+_TAKEN = 'self_test', 'test_vectors', 'float', 'math', 'stdbool', 'stddef', 'stdio', 'string'
 
 
 def export(
@@ -71,6 +73,8 @@ def export(
         raise typer.BadParameter(
             f'{name}: lower-case letters, digits and _, no digit first', param_hint='--name'
         )
+    if name in _TAKEN:
+        raise typer.BadParameter(f'{name}: {name}.h is another file', param_hint='--name')
     check_outputs(out=out)
     with reporting(file):
         settings, own_rate = _settings(file, node)
@@ -83,7 +87,7 @@ def export(
             raise UserError('there is no rate in the file: give --rate or --measured-dt')
         made = Export(
             settings=settings,
-            rate=None if measured_dt else rate or own_rate,
+            rate=None if measured_dt else own_rate if rate is None else rate,
             single=single,
             name=name,
         )
