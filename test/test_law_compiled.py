@@ -29,8 +29,9 @@ ALL: dict[str, Any] = {
     'b0_table': (-1.0, -0.5, 0.5, -2.0, 1.0, -1.0),
     'measurement_period': 0.5,
     'input_delay': 0.0237,
-    'plant_poles': (-3.0, 0.0),
-    'disturbance_frequencies': (30.0, 7.0),
+    'plant_order': 1,
+    'levels': 1,
+    'disturbance_frequencies': (30.0,),
     'error_deadband': 0.2,
     'command_rate_limit': 400.0,
 }
