@@ -58,7 +58,8 @@ class Kernel:
             return False
         acc, remainders = np.array(loop.metrics.sums), np.array(loop.remainders)
         facing = around[0] if around else running
-        own, its = Running(running), Running(facing)
+        own = Running(running)
+        its = Running(facing) if around else own
         xs = np.array([plant_run.state] * 3, dtype=np.float64)
         dead_time = plant_run.dead_time
         sent = np.array(dead_time.sent)
