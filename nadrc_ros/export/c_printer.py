@@ -94,7 +94,7 @@ class Printer:
             pass
         return '\n'.join(self._block(statements, 1, set(parameters)))
 
-    def type(self, kind: str) -> str:
+    def type_of(self, kind: str) -> str:
         """Return the type of a kind."""
         return self.real if kind == 'float' else kind
 
@@ -122,7 +122,8 @@ class Printer:
                 case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Call(func=called)):
                     pairs = zip(names, self.known[called.id].gives)  # type: ignore[attr-defined]
                 case ast.Assign(targets=targets, value=value):
-                    pairs = ((target, self._kind(value)) for target in targets)  # type: ignore[assignment]
+                    kind = self._kind(value)
+                    pairs = zip(targets, [kind] * len(targets))
                 case _:
                     continue
             for target, kind in pairs:
@@ -150,7 +151,7 @@ class Printer:
                     case ast.Assign(targets=[ast.Name(id=first), *_]) if first == name:
                         begun.add(name)
                     case _:
-                        lines.append(f'{pad}{self.type(self._kinds[name])} {c_name(name)};')
+                        lines.append(f'{pad}{self.type_of(self._kinds[name])} {c_name(name)};')
             match statement:
                 case ast.Assign():
                     lines += [pad + line for line in self._assign(statement, begun)]
@@ -210,7 +211,7 @@ class Printer:
         head = ''
         if isinstance(first, ast.Name) and first.id in begun:
             constant = 'const ' if self._stores[first.id] == 1 else ''
-            head = f'{constant}{self.type(self._kinds[first.id])} '
+            head = f'{constant}{self.type_of(self._kinds[first.id])} '
         yield f'{head}{target} = {self._as(statement.value, self._kind(first))};{note}'
         for each in rest:
             yield f'{self.text(each)} = {target};'

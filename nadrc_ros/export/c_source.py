@@ -142,7 +142,7 @@ class _Writer:
                     own = f'sample_{field}'
                     if own in read:
                         known[own] = kind.__forward_arg__
-                        listed.append(f'{printer.type(known[own])} {own}')
+                        listed.append(f'{printer.type_of(known[own])} {own}')
                 continue
             if name not in read or parameter.annotation == 'Design':
                 continue
@@ -157,14 +157,14 @@ class _Writer:
                     listed.append(f'{real} (*{name})[{self.design.states}]')
                 case kind:
                     known[name] = str(kind)
-                    listed.append(f'{printer.type(known[name])} {c_name(name)}')
+                    listed.append(f'{printer.type_of(known[name])} {c_name(name)}')
         for i, kind in enumerate(function.gives[1:], 1):
-            listed.append(f'{self.types.get(kind) or printer.type(kind)} *gives_{i}')
+            listed.append(f'{self.types.get(kind) or printer.type_of(kind)} *gives_{i}')
         places = [place for place, i in enumerate(used) if parameters[i].name in changed]
         printer.known[function.name] = Printed(function.gives, used, places)
         self.parameters[function.name] = [each.split()[-1].strip('*') for each in listed]
         own = f'    {real} softened[{self.design.states}];\n' if 'softened' in read else ''
-        head = printer.type(function.gives[0]) if function.gives else 'void'
+        head = printer.type_of(function.gives[0]) if function.gives else 'void'
         return (
             f'/* {source.__module__}.{source.__name__} */\n'
             f'static {head} {function.name}({", ".join(listed) or "void"})\n'

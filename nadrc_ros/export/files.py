@@ -77,22 +77,22 @@ class Export:
 
     @cached_property
     def period(self) -> float | None:
-        """The period that the C counts with [s], 1 / rate but for its last digits."""
+        """Return the period that the C counts with [s], 1 / rate but for its last digits."""
         return None if self.rate is None else exact_period(self.rate, self.single)
 
     @cached_property
     def design(self) -> Design:
-        """The design that is exported."""
+        """Return the design that is exported."""
         return make_design(self.settings)
 
     @cached_property
     def source(self) -> Source:
-        """The law of the design in C."""
+        """Return the law of the design in C."""
         return c_source(self.design, self.period, 'float' if self.single else 'double', self.name)
 
     @cached_property
     def vectors(self) -> tuple[list[Call], list[Outcome]]:
-        """The calls of the self test, and what has to come of them."""
+        """Return the calls of the self test, and what has to come of them."""
         period = self.period or _PERIOD_OF_VECTORS
         twin = SingleTwin(self.settings, period, self.source) if self.single else None
         return life(self.settings, period, self.rate is None, self.ticks, twin)
@@ -114,14 +114,14 @@ class Export:
 
     @cached_property
     def margins(self) -> Margins | None:
-        """The margins with the plant y^(n) = b0 u, where the rate is known."""
+        """Return the margins with the plant y^(n) = b0 u, where the rate is known."""
         if self.period is None:
             return None
         return margins(self.design, chain(self.design.order, self.design.b0), self.period)
 
     @property
     def warning(self) -> str:
-        """What is wrong with the loop, empty if nothing is known to be."""
+        """Return what is wrong with the loop, empty if nothing is known to be."""
         if self.margins is None or self.margins.modulus > 0.0:
             return ''
         plant = f'y^({self.design.order}) = b0 u'

@@ -11,7 +11,7 @@ from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.recording import RunSettings
 from nadrc_ros.records.states import describe
 from nadrc_ros.scenario import Scenario
-from nadrc_ros.simulation.faults import first_period
+from nadrc_ros.simulation.faults import Faults, first_period
 from nadrc_ros.simulation.simulate import Result
 
 _SAME = ('time', 'reference', 'measurement', 'command', 'output', 'total_disturbance')
@@ -57,7 +57,7 @@ def recorded(path: Path, scenario: Scenario, name: str, result: Result) -> Recor
 
 def _faults(scenario: Scenario, node: str) -> Iterator[Event]:
     """Yield what the plant of a scenario would say of its faults."""
-    if scenario.faults == type(scenario.faults)():
+    if scenario.faults == Faults():
         return
     faults, before = scenario.experiment.plant_run(0.0).faults, ''
     for k in range(scenario.experiment.steps):

@@ -34,10 +34,8 @@ class About:
     ----------
     purpose
         One sentence.
-    topics, parameters
-        What each topic carries, and the five parameters that matter first.
-    examples
-        Command lines.
+    topics, parameters, examples
+        What each topic carries, the five parameters that matter first, and command lines.
     options
         What the executable takes beside the arguments of ROS.
     more

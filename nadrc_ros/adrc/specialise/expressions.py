@@ -286,7 +286,8 @@ class Expressions(Workspace):
         """Write a call, after which nothing is known of the vectors that it was given."""
         call = ast.Call(load(name), [self.expression(each) for each in arguments], [])
         results = tuple(Code(load(self.fresh(f'{name}_gives')), kind) for kind in gives)
-        targets: list[ast.expr] = [store(each.node.id) for each in results]  # type: ignore[attr-defined]
+        names = [each.node for each in results]
+        targets: list[ast.expr] = [store(name.id) for name in names]  # type: ignore[attr-defined]
         if not results:
             self.emit(ast.Expr(call))
         elif len(results) == 1:
