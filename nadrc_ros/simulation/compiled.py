@@ -57,7 +57,13 @@ def advance(*arguments: Any) -> None:
 
 @lru_cache(_LOOPS_KEPT)
 def compiled_loop(
-    derivative: Any, output: Any, references: Any, disturbances: Any, states: int
+    derivative: Any,
+    output: Any,
+    references: Any,
+    disturbances: Any,
+    states: int,
+    estimating: bool = False,
+    cascade: bool = False,
 ) -> Callable[..., Any]:
     """
     Return the loop for these methods; it is compiled, or read from disk, at its first call.
@@ -243,7 +249,8 @@ def compiled_loop(
             copy_vector(memory_before, memory)
         return k, (k - first) % 2
 
-    known = _named_by_source(loop, (*methods, *_CALLED, period.period))
+    variant = f'{states}_{estimating}_{cascade}'
+    known = _named_by_source(loop, (*methods, *_CALLED, period.period), variant)
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=known)(loop)
     return fast
 
@@ -291,17 +298,20 @@ def _alone(method: Any) -> Any:
     return numba.njit(method)
 
 
-def _named_by_source(function: Any, parts: Iterable[Callable[..., Any]]) -> bool:
+def _named_by_source(
+    function: Any, parts: Iterable[Callable[..., Any]], variant: str = ''
+) -> bool:
     """
     Give a function the name of its file on disk: one hash of its source and of its parts'.
 
-    The parts are named in it too, as no two loops may share a file: numba numbers what is in one,
-    and of two processes that add to it at once one would read what the other wrote. Return False
-    without source, as for what is typed into an interpreter: then nothing would tell one state of
-    it from another.
+    The parts and the variant are named in it too, as no two loops may share a file: numba numbers
+    what is in one, and of two processes that add to it at once one would read what the other
+    wrote. Return False without source, as for what is typed into an interpreter: then nothing
+    would tell one state of it from another.
     """
     parts = (function, *parts)
-    digest = sha256(repr([(part.__module__, part.__qualname__) for part in parts]).encode())
+    names = [(part.__module__, part.__qualname__) for part in parts]
+    digest = sha256(repr((variant, names)).encode())
     try:
         for module in dict.fromkeys(map(getmodule, parts)):
             digest.update(getsource(module).encode())  # type: ignore[arg-type]

@@ -14,6 +14,7 @@ from warnings import filterwarnings
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.specialise.program import shape_of
 from nadrc_ros.adrc.specialise.python import defined
+from nadrc_ros.simulation import period
 from nadrc_ros.simulation.flat import sources
 import numba
 from numba import carray, NumbaExperimentalFeatureWarning, types
@@ -47,20 +48,23 @@ class _Law(dict[str, Any]):
 
     def __init__(self, design: Design) -> None:
         super().__init__()
-        self._sources, scope = sources(design)
-        self._scope = scope | {'carray': carray}
-        code = repr(sorted(self._sources.items())) + repr(shape_of(design))
-        self._hash = sha256(code.encode()).hexdigest()[:16]
-        for name, source in self._sources.items():
-            # As if from this file: what is kept on disk lies beside a file that there is.
-            function = defined(name, source, self._scope, __file__)
-            if name not in _SIGNATURES:
-                self._scope[name] = numba.njit(error_model='numpy')(function)
+        self._design = design
 
     def __missing__(self, name: str) -> Any:
-        function = self._scope[name]
-        function.__qualname__ = f'{name}_{self._hash}'
-        function.__module__ = __name__
+        code, scope = sources(self._design, [getattr(period, name)])
+        scope['carray'] = carray
+        text = repr(sorted(code.items())) + repr(shape_of(self._design))
+        digest = sha256(text.encode()).hexdigest()[:16]
+        for each, source in code.items():
+            # As if from this file: what is kept on disk lies beside a file that there is. The name
+            # is that of the symbol, also of a function that another one on disk brings along: of
+            # two of one name the linker takes the first, which may be that of another shape.
+            function = defined(each, source, scope, __file__)
+            function.__qualname__ = f'{each}_{digest}'
+            function.__module__ = __name__
+            if each != name:
+                scope[each] = numba.njit(error_model='numpy')(function)
+        function = scope[name]
         options = {'cache': True, 'error_model': 'numpy'}
         self[name] = made = numba.cfunc(_SIGNATURES[name], nopython=True, **options)(function)
         return made

@@ -9,6 +9,7 @@ same types, so that a loop that calls them is compiled once for all.
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterable
 from math import prod
 from typing import Any
 
@@ -84,10 +85,12 @@ def unflat(numbers: Array, state: State) -> None:
         begin += len(row)
 
 
-def sources(design: Design) -> tuple[dict[str, str], dict[str, Any]]:
-    """Return the code of all functions by name, in the order of their calls, and what it uses."""
+def sources(
+    design: Design, functions: Iterable[Any] = FUNCTIONS
+) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the code of functions, and of those they call, by name; and what it uses."""
     program = Program(design, (), APART, ROLLED, LEFT, _leave)
-    for function in FUNCTIONS:
+    for function in functions:
         sizes = {'told': period.SIZE, 'gives': period.SIZE, 'memory': len(blank_memory())}
         names = function.__annotations__
         program.add(function, **{name: size for name, size in sizes.items() if name in names})

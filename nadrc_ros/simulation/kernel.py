@@ -48,6 +48,7 @@ class Kernel:
             type(plant).output,
             *(type(signal).derivatives for signal in signals),
         )
+        self.states = plant.states
         self.compiled = compiled_loop(*self.methods, plant.states)
 
     def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
@@ -88,7 +89,7 @@ class Kernel:
         )
         sensor = experiment.sensor
         try:
-            k, last = self.compiled(
+            k, last = self._variant(estimates > 0, bool(around))(
                 self.fields,
                 law['regular_period'],
                 estimate,
@@ -121,6 +122,12 @@ class Kernel:
                 its.give_back(last)
             own.give_back(last)
         return True
+
+    def _variant(self, estimating: bool, cascade: bool) -> Any:
+        """Return the loop for what else there is: numba would take each for a type of one."""
+        if not (estimating or cascade):
+            return self.compiled
+        return compiled_loop(*self.methods, self.states, estimating, cascade)
 
     def _cascade_believed(self, experiment: Experiment) -> bool:
         """Compare the first periods of a cascade with plain Python, once for these methods."""
