@@ -8,7 +8,7 @@ since the last sample, are read from tables over the number of periods.
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 import inspect
 from math import exp, nan
 from typing import Any
@@ -18,9 +18,8 @@ from nadrc_ros.adrc import law, limiter, observer, state, tick, transfer
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.sample import Sample
 from nadrc_ros.adrc.specialise.evaluator import Evaluator
-from nadrc_ros.adrc.specialise.expressions import gives_of, signature
-from nadrc_ros.adrc.specialise.program import Program
-from nadrc_ros.adrc.specialise.tidy import tidied
+from nadrc_ros.adrc.specialise.expressions import signature
+from nadrc_ros.adrc.specialise.program import matrix_of, Program
 from nadrc_ros.adrc.specialise.values import Code, Function, load, Record, UNLOADED
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.adrc.supervisor import PolicyState, Stall
@@ -57,16 +56,12 @@ class Exported(Program):
     def _called_apart(self, function: Any, bound: dict[str, Any]) -> str | None:
         return self.add(function).name if function in self._apart else None
 
-    def _evaluate(self, function: Any, bound: dict[str, Any], name: str) -> Function:
-        evaluator = _Evaluator(self, bound)
-        arguments = [
-            self._given(evaluator, each) for each in signature(function).parameters.values()
-        ]
-        body = tidied(evaluator.run(function, arguments))
-        self.called |= evaluator.called
-        return Function(name, dict(zip(bound, arguments)), body, gives_of(function))
+    def _evaluator(self, parameters: Collection[str], rolled: bool) -> Evaluator:
+        return _Evaluator(self, parameters)
 
-    def _given(self, evaluator: Evaluator, parameter: inspect.Parameter) -> Any:
+    def _argument(
+        self, evaluator: Evaluator, parameter: inspect.Parameter, given: Any, rolled: bool
+    ) -> Any:
         name = parameter.name
         place = load(name)
         match parameter.annotation:
@@ -78,7 +73,7 @@ class Exported(Program):
             case 'Vector':
                 return evaluator.row(name, self.design.order + 1, place)
             case 'Matrix':
-                return _rows(evaluator, name, blank_state(self.design).scratch, place)
+                return matrix_of(evaluator, name, blank_state(self.design).scratch, place)
             case 'Sample':
                 fields = {}
                 for field, kind in Sample.__annotations__.items():
@@ -99,7 +94,7 @@ class Exported(Program):
             there = field.name in self.memory
             place = ast.Attribute(load(name), field.name, ast.Load()) if there else None
             if value and isinstance(value[0], list):
-                fields[field.name] = _rows(evaluator, own, value, place)
+                fields[field.name] = matrix_of(evaluator, own, value, place)
             else:
                 fields[field.name] = row = evaluator.row(own, len(value), place)
                 if not there:
@@ -170,17 +165,6 @@ class _Evaluator(Evaluator):
 
 def _known(value: Any) -> Any:
     return tuple(map(_known, value)) if isinstance(value, list) else value
-
-
-def _rows(evaluator: Evaluator, name: str, matrix: Any, place: ast.expr | None) -> Any:
-    return tuple(
-        evaluator.row(
-            f'{name}_{i}',
-            len(row),
-            None if place is None else ast.Subscript(place, ast.Constant(i), ast.Load()),
-        )
-        for i, row in enumerate(matrix)
-    )
 
 
 def _record(cls: Any, place: ast.expr) -> Record:

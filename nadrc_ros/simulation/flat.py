@@ -35,8 +35,6 @@ ROLLED = frozenset((law._refuse, internal_model.place_known, period.estimate_der
 # compile than all else.
 LEFT = frozenset((law._restart, tick._take_over, state.start, transfer.adopt_reference))
 FUNCTIONS = period.regular_period, period.period, period.realise, period.estimate_derivatives
-
-
 ENTRIES = frozenset(function.__name__ for function in FUNCTIONS)
 
 
@@ -48,15 +46,19 @@ class Field:
     shape: tuple[int, ...]
 
 
+def _fields(thing: Design | State) -> list[str]:
+    """Return the fields that are numbers of the array, in its order."""
+    fields = [field.name for field in attrs.fields(type(thing)) if field.init]
+    return [name for name in fields if not (isinstance(thing, Design) and name in SHAPE)]
+
+
 def layout(thing: Design | State) -> dict[str, Field]:
     """Return where the numbers of a design or of a state are in its array."""
     fields: dict[str, Field] = {}
     end = 0
-    for field in attrs.fields(type(thing)):
-        if not field.init or (field.name in SHAPE and isinstance(thing, Design)):
-            continue
-        shape = np.shape(getattr(thing, field.name))
-        fields[field.name] = Field(end, shape)
+    for name in _fields(thing):
+        shape = np.shape(getattr(thing, name))
+        fields[name] = Field(end, shape)
         end += prod(shape)
     return fields
 
@@ -64,16 +66,15 @@ def layout(thing: Design | State) -> dict[str, Field]:
 def flat(thing: Design | State) -> Array:
     """Return the numbers of a design or of a state as one array."""
     numbers: list[float] = []
-    for field in attrs.fields(type(thing)):
-        if field.init and not (field.name in SHAPE and isinstance(thing, Design)):
-            value = getattr(thing, field.name)
-            if not isinstance(value, list):
-                numbers.append(value)
-            elif value and isinstance(value[0], list):
-                for row in value:
-                    numbers += row
-            else:
-                numbers += value
+    for name in _fields(thing):
+        value = getattr(thing, name)
+        if not isinstance(value, list):
+            numbers.append(value)
+        elif value and isinstance(value[0], list):
+            for row in value:
+                numbers += row
+        else:
+            numbers += value
     return np.array(numbers, dtype=np.float64)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 import inspect
 from typing import Any
 
@@ -117,13 +117,16 @@ class Program:
 
     def _evaluate(self, function: Any, bound: dict[str, Any], name: str) -> Function:
         rolled = function in self._rolled
-        evaluator = Evaluator(bound, self._called_apart, self._left, self._leave, rolled)
+        evaluator = self._evaluator(bound, rolled)
         arguments = []
         for each in signature(function).parameters.values():
             arguments.append(self._argument(evaluator, each, bound.get(each.name), rolled))
         body = tidied(evaluator.run(function, arguments))
         self.called |= evaluator.called
         return Function(name, dict(zip(bound, arguments)), body, gives_of(function))
+
+    def _evaluator(self, parameters: Collection[str], rolled: bool) -> Evaluator:
+        return Evaluator(parameters, self._called_apart, self._left, self._leave, rolled)
 
     def _argument(
         self, evaluator: Evaluator, parameter: inspect.Parameter, given: Any, rolled: bool
@@ -201,11 +204,24 @@ def _vector(
         return Memory(place, len(value), len(value[0]) if matrix else None)
     assert isinstance(place.value, ast.Name)
     name = f'{place.value.id}_{name}'
-    if not matrix:
-        return evaluator.row(name, len(value), place)
+    return (
+        matrix_of(evaluator, name, value, place)
+        if matrix
+        else evaluator.row(name, len(value), place)
+    )
+
+
+def matrix_of(
+    evaluator: Evaluator, name: str, matrix: Sequence[Any], place: ast.expr | None
+) -> tuple[Row, ...]:
+    """Return the vectors that the rows of a matrix are, which may have no place."""
     return tuple(
-        evaluator.row(f'{name}_{i}', len(row), ast.Subscript(place, ast.Constant(i), ast.Load()))
-        for i, row in enumerate(value)
+        evaluator.row(
+            f'{name}_{i}',
+            len(row),
+            None if place is None else ast.Subscript(place, ast.Constant(i), ast.Load()),
+        )
+        for i, row in enumerate(matrix)
     )
 
 

@@ -106,29 +106,28 @@ def text(body: list[ast.stmt], depth: int) -> Iterator[str]:
 
 def _quickened(body: list[ast.stmt], design: Design) -> list[ast.stmt]:
     """
-    Read what is used of a design and of states in one go each, and whole vectors too.
+    Read the vectors of both states in one go each.
 
     An attribute, or an entry of a list, takes several times as long as one of many names that a
     tuple is taken apart into.
     """
-    blank = blank_state(design)
-    places = {name: [f'{name}.{row}' for row in _row_names(blank)] for name in ('state', 'out')}
+    rows = list(_row_names(blank_state(design)))
     used = {
         ast.unparse(node)
         for statement in body
         for node in ast.walk(statement)
         if isinstance(node, (ast.Attribute, ast.Subscript))
     }
-    names = {place: place.translate(_IN_NAMES) for each in places.values() for place in each}
-    names = {place: name for place, name in names.items() if place in used}
+    places = [f'{thing}.{row}' for thing in ('state', 'out') for row in rows]
+    names = {place: place.translate(_IN_NAMES) for place in places if place in used}
     shortened = _Shortened(names)
     body = [shortened.visit(statement) for statement in body]
     head: list[ast.stmt] = []
-    for thing, field in (('state', 'rows'), ('out', 'rows')):
-        targets: list[ast.expr] = [store(names.get(each, '_')) for each in places[thing]]
-        whole = ast.Attribute(load(thing), field, ast.Load())
+    for thing in ('state', 'out'):
+        targets: list[ast.expr] = [store(names.get(f'{thing}.{row}', '_')) for row in rows]
+        whole = ast.Attribute(load(thing), 'rows', ast.Load())
         head.append(ast.Assign([ast.Tuple(targets, ast.Store())], whole))
-        head[-1].source = f'{thing}.py', 0  # type: ignore[attr-defined]
+        head[-1].source = 'state.py', 0  # type: ignore[attr-defined]
     return [*head, *body]
 
 
