@@ -60,6 +60,8 @@ def c_source(design: Design, period: float | None, real: str, name: str) -> Sour
 
 
 class _Writer:
+    """The C text of one design, function by function."""
+
     def __init__(self, design: Design, period: float | None, real: str, name: str) -> None:
         self.design, self.period = design, period
         self.types = {'State': f'{name}_law'}

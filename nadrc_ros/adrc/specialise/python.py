@@ -144,6 +144,8 @@ def _row_names(blank: State) -> Iterator[str]:
 
 
 class _Shortened(ast.NodeTransformer):
+    """Puts shorter names for those that printing made up."""
+
     def __init__(self, names: dict[str, str]) -> None:
         self._names = names
 

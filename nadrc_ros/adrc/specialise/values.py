@@ -22,6 +22,8 @@ class Code:
 
 
 class _Unloaded:
+    """The type of :data:`UNLOADED`."""
+
     def __repr__(self) -> str:
         return 'UNLOADED'
 
