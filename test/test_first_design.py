@@ -9,6 +9,7 @@ from typing import Any
 import attrs
 import control
 from nadrc_ros.adrc.design import make_design
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.noise import Noise
@@ -211,6 +212,11 @@ def test_the_experiment_lasts_for_three_cycles_of_a_slow_disturbance(frequency: 
     acting = scenario.duration - scenario.disturbance.values['start_time']
     expected = max(4.0 * wanted().settling_time, 3.0 * 2.0 * pi / frequency)
     assert acting == pytest.approx(expected, rel=0.01)  # a duration of three digits
+
+
+def test_a_delay_that_no_controller_takes_is_refused_by_its_own_name() -> None:
+    with pytest.raises(SettingError, match=r'^delay = 10\.0: must be at most 1 s'):
+        Requirements(settling_time=400.0, delay=10.0, rate=100.0)
 
 
 def test_each_candidate_that_is_not_taken_has_a_reason_of_its_own() -> None:

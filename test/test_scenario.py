@@ -148,6 +148,7 @@ def test_b0_of_a_controller_may_differ_from_the_plant() -> None:
             r'noise\.varianze: .* frequency.*; of the random noise variance, .*$',
         ),
         ('variance: 1e-4', 'variance: -1', r'noise\.variance = -1\.0: must be a finite number'),
+        ('seed: 7', 'feed_forward: sine', r"^feed_forward = 'sine': .* none listens to it"),
         ('seed: 7', 'seed: -7', r'^seed = -7: must be an integer'),
         ('seed: 7', 'seed: 1.5', r'^seed = 1\.5: must be an integer'),
         ('rate: 100', 'rate: fast', r"^rate = 'fast': must be a finite number"),

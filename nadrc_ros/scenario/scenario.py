@@ -87,6 +87,7 @@ class Scenario(Conditions):
         _check_controllers(plant, self.controllers, self.rate)
         for name, settings in self.controllers.items():
             _check_period(self.sensor, name, settings)
+        _check_heard(self.feed_forward, self.controllers)
         retunes = _checked_retunes(self.retunes, self.controllers, self.last)
         object.__setattr__(self, 'initial_state', experiment.initial_state)
         object.__setattr__(self, 'retunes', retunes)
@@ -187,6 +188,15 @@ def _check_period(sensor: Sensor, name: str, settings: ControllerSettings) -> No
     if period > 0.0 and width > 0.0 and abs(period - width) > _SAME_PERIOD * width:
         allowed = f'{width:.9g}, what the sensor wraps by (wrap_max - wrap_min), or 0: no angle'
         raise SettingError(f'controllers.{name}.measurement_period', period, allowed)
+
+
+def _check_heard(feed_forward: SignalSpec, controllers: dict[str, ControllerSettings]) -> None:
+    """Refuse a feed-forward that no controller listens to: the run would be one without it."""
+    innermost = [loops_of(settings)[-1] for settings in controllers.values()]
+    unheard = not any(loop.feed_forward_timeout > 0.0 for loop in innermost)
+    if feed_forward.title != 'none' and unheard:
+        allowed = 'left out, or feed_forward_timeout of a controller above 0: none listens to it'
+        raise SettingError('feed_forward', feed_forward.title, allowed)
 
 
 def _checked_retunes(
