@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
+import signal
+import sys
+from threading import Event
 
 from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.cli.__main__ import _interrupt_again
 from nadrc_ros.cli.app import app
 from nadrc_ros.cli.failure import reporting
 import pytest
@@ -32,6 +37,15 @@ def test_ctrl_c_is_known_in_whatever_disguise(
         disguised(error)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().err == 'error: interrupted: all is kept\n'
+
+
+def test_ctrl_c_is_not_lost_in_a_callback_from_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As numba's compiler has some: what is raised there is only printed."""
+    monkeypatch.setattr(sys, 'unraisablehook', _interrupt_again)
+    callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        callback()
+        Event().wait(10.0)
 
 
 @pytest.mark.parametrize('error', [UserError('no'), FileNotFoundError(2, 'no', 'it')])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from nadrc_ros.cli import interrupted
 
 # What has no character of ASCII in it.
@@ -20,6 +22,7 @@ def main() -> None:
             stream.reconfigure(errors='plain')  # type: ignore[union-attr]
     # The matrices here are small: threads of OpenBLAS would only wait for them, and busily.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    sys.unraisablehook = _interrupt_again
     try:
         from nadrc_ros.cli.app import app
 
@@ -30,6 +33,18 @@ def main() -> None:
         if isinstance(error, OSError):  # a full disk behind >
             sys.exit(f'error: output: {error.strerror}')
         raise
+
+
+def _interrupt_again(unraisable: Any) -> None:
+    """Repeat a Ctrl-C that came where nothing can be raised, as in a callback of the compiler."""
+    from _thread import interrupt_main
+    import sys
+    from threading import Timer
+
+    if unraisable.exc_type is KeyboardInterrupt:
+        Timer(0.05, interrupt_main).start()
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:
