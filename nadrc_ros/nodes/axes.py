@@ -24,6 +24,7 @@ _ABOUT = About(
         'reference': 'in: what it is to be; without one the measurement at the start is held',
         'reference/rate': 'in, with reference/acceleration: its derivatives, where known',
         'command': 'out: what the actuator is to do',
+        '~/keep': 'in: hold to run, a lease [s] that has to be renewed while the loop is enabled',
         '~/event': 'out: what happens to the loop; and the estimates, on ~/...',
     },
     parameters={name: declared(ControllerSettings)[name] for name in _MAIN},

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 from math import isnan, nan
 import sys
-import time
 from typing import Any
 
 from nadrc_ros.adrc.controller import Controller
@@ -14,17 +13,17 @@ from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
-from nadrc_ros.nodes.cascades import make_joined, waits_at_start
+from nadrc_ros.nodes.cascades import make_joined
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates, loop_values
+from nadrc_ros.nodes.lease import Lease, STOPPED
 from nadrc_ros.nodes.loop_settings import LoopSettings
-from nadrc_ros.nodes.mode_log import cut_short, jump, LEVELS, ModeLog
+from nadrc_ros.nodes.mode_log import cut_short, jump, ModeLog, state
 from nadrc_ros.nodes.optional_inputs import OptionalInputs, refuse_unused_wires
 from nadrc_ros.nodes.reference_input import ReferenceInput
 from nadrc_ros.nodes.rivals import Rivals
-from nadrc_ros.records.states import describe
 from nadrc_ros.records.step_trace import TraceWriter
-from nadrc_ros.ros.diagnostics import Latencies, OK, Report, WARN
+from nadrc_ros.ros.diagnostics import Latencies, Report, WARN
 from nadrc_ros.ros.graph import OutputWatch
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import SampleTicker, SharedTimer, Ticker
@@ -105,6 +104,7 @@ class ControllerNode(LiveNode):
             self.checks.append(lambda: doubts.look(self._times.spacing, expected))
             taken = OutputWatch(self, self._command, self.remarks)
             self.checks.append(lambda: taken.look(self.controller.commanding))
+            self._lease = Lease(self, self._on_lease_over)
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.add_trigger('~/reset', self._reset)
         shared = self._loop.share_command or in_lockstep
@@ -149,7 +149,7 @@ class ControllerNode(LiveNode):
         if self.trace is not None:
             self.trace.settings(settings)
 
-    def enable(self, on: bool = True) -> tuple[bool, str]:
+    def enable(self, on: bool = True, why: str = '') -> tuple[bool, str]:
         """Close the loop, or open it; return whether that was possible, and what came of it."""
         if self._stopping:
             return False, 'the controller is being stopped'
@@ -160,7 +160,10 @@ class ControllerNode(LiveNode):
         if on == self.controller.enabled:
             said = 'already ' + said
         else:
-            self.events.tell('enable', said)
+            self.events.tell('enable', f'{said}: {why}' if why else said)
+        if on and self.lockstep is None:
+            said += self._lease.said()
+            self.remarks.put('lease', '')
         self._set_enabled(on)
         self._estimates.look()
         self.diagnostics.publish()
@@ -175,6 +178,16 @@ class ControllerNode(LiveNode):
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         response.success, response.message = self.enable(request.data)
         return response
+
+    def _on_lease_over(self) -> None:
+        if not self.controller.enabled:
+            return
+        self.remarks.log(STOPPED, WARN)
+        self.remarks.hold('lease', STOPPED, WARN)
+        self.enable(False, STOPPED)
+        if self._sample_ticker is not None:  # which may not tick for a while
+            self.on_timer()
+            self._wiring.exchange.flush()
 
     def _reset(self) -> str:
         self.controller.reset()
@@ -276,21 +289,9 @@ class ControllerNode(LiveNode):
         """Tell whether it never sent a command, or left off in the middle for another node."""
         return self._rivals.gave_way or not self._command.count
 
-    @property
-    def _description(self) -> str:
-        return describe(self.controller.mode, self.controller.cause, self._unheard)
-
     def _log_mode(self) -> bool:
         """Log a change of mode or cause that was not logged yet; return whether it was now."""
-        mode, cause = self.controller.mode, self.controller.cause
-        if waits_at_start(self.controller):
-            return False
-        if (mode, cause) != self._mode_log.now:
-            self.events.tell('mode', self._description, LEVELS[cause])
-        message = self._mode_log.of(mode, cause, time.monotonic(), self._unheard)
-        if message:
-            self.remarks.log(message, OK if mode == Mode.OK else WARN)
-        return bool(message)
+        return self._mode_log.look(self.controller, self.events, self.remarks, self._unheard)
 
     def report(self) -> Report:
         """Tell the mode and its cause, and what the samples were like."""
@@ -303,19 +304,16 @@ class ControllerNode(LiveNode):
                 'stamps_from_future': self._times.from_future,
                 'clock_jumps': self._times.clock_jumps,
                 'measurements_out_of_order': self._times.out_of_order,
+                'lease_left': self._lease.left,
                 'measurement_publishers': self.count_publishers(self.inputs[0].topic),
                 **self.latencies.summary(),
                 **self._wiring.report(),
             }
-        values |= {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
         if self.trace is not None:
             self.trace.flush()
             self._tell_if_trace_failed()
         self._log_mode()  # the last of many changes
-        level, message = LEVELS[controller.cause], self._description
-        if controller.restarted:
-            level, message = WARN, f'{message}; the last sample only restarted the observers'
-        return level, message, values
+        return *state(controller, self._unheard), values
 
     # ---- the end ----
 

@@ -30,7 +30,7 @@ def loop_values(controller: Controller) -> dict[str, object]:
         values['feed_forward'] = controller.sample.feed_forward
     if controller.settings.error_deadband > 0.0:
         values['resting'] = controller.resting
-    return values
+    return values | {f'steps_{s.name.lower()}': n for s, n in controller.counts.items() if n}
 
 
 class Estimates:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf
+import time
 
+from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Cause, Mode
+from nadrc_ros.nodes.cascades import waits_at_start
 from nadrc_ros.records.states import describe
-from nadrc_ros.ros.diagnostics import ERROR, OK, WARN
+from nadrc_ros.ros.diagnostics import ERROR, Events, OK, Remarks, WARN
 
 # As many changes are logged in so many seconds: a sensor that flaps must not fill a disk.
 COUNT, SECONDS = 30, 60.0
@@ -39,6 +42,18 @@ class ModeLog:
         self._unlogged = 0
         self._times: deque[float] = deque([-inf] * COUNT, maxlen=COUNT)
 
+    def look(self, controller: Controller, events: Events, remarks: Remarks, silent: bool) -> bool:
+        """Tell what changed, and log it if it is to be logged; return whether it was."""
+        mode, cause = controller.mode, controller.cause
+        if waits_at_start(controller):
+            return False
+        if (mode, cause) != self.now:
+            events.tell('mode', describe(mode, cause, silent), LEVELS[cause])
+        message = self.of(mode, cause, time.monotonic(), silent)
+        if message:
+            remarks.log(message, OK if mode == Mode.OK else WARN)
+        return bool(message)
+
     def of(self, mode: Mode, cause: Cause, time: float, silent: bool = False) -> str:
         """Return what to log at ``time`` [s], nothing unless it is news and may be logged yet."""
         if (mode, cause) != self.now:
@@ -51,6 +66,14 @@ class ModeLog:
         self._told, passed_over, self._unlogged = text, self._unlogged - 1, 0
         more = f' (after {passed_over} changes that were not logged)' if passed_over > 0 else ''
         return text + more
+
+
+def state(controller: Controller, silent: bool) -> tuple[bytes, str]:
+    """Return for /diagnostics how bad the state of a controller is, and what it is."""
+    level, message = LEVELS[controller.cause], describe(controller.mode, controller.cause, silent)
+    if controller.restarted:
+        return WARN, f'{message}; the last sample only restarted the observers'
+    return level, message
 
 
 def jump(settings: ControllerSettings, applied: float, command: float, allowed: float) -> str:
