@@ -70,6 +70,8 @@ NUMBERED = dict(enumerate(PROMISES, 1)) | {
     21: 'A loop under a lease (`~/keep`) is disabled, as by `~/enable` false, within one period '
     'after the lease has run out. A message on `~/keep` enables nothing, nor does one that comes '
     'too late renew anything.',
+    23: 'An experiment of commissioning sends no command out of its bounds, and ends when its '
+    'sensor falls silent.',
     24: 'No bytes of any message type on a wired topic end a node or enter an observer unless '
     'they are the number that was asked for.',
 }

@@ -1,0 +1,305 @@
+"""
+An experiment as the controller node runs it, tick by tick: bounded, whatever the machine does.
+
+It begins with some samples at the resting command, which say where the output is. A bound that can
+just be kept ends it: the motion is braked, then the resting command is sent. What the command is
+after that is for the caller, who ramps to the safe one.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from math import isfinite, nan
+
+import attrs
+from nadrc_ros.adrc.commission.guard import Guard
+from nadrc_ros.adrc.commission.patterns import Doublets, Pattern, Staircase
+from nadrc_ros.adrc.commission.settings import ExperimentSettings, WITH_CONTROLLER
+from nadrc_ros.adrc.controller import Controller
+from nadrc_ros.adrc.errors import SettingError
+from nadrc_ros.adrc.settings import ControllerSettings
+
+# So many samples in a row outside the band are worse than predicted: noise alone hardly does that.
+_WORSE = 3
+# A brake ends after so many times what drove the motion, beside the dead time.
+_BRAKES = 3.0
+# How firmly it brakes: fully from that part of the largest speed on.
+_FIRM = 2.0
+
+
+class Outcome(Enum):
+    """How an experiment ended."""
+
+    DONE = 'done'
+    STILL = 'still'
+    BOUND = 'bound'
+    LOST = 'lost'
+    WORSE = 'worse'
+    STOPPED = 'stopped'
+
+
+class Experiment:
+    """
+    One experiment on a machine.
+
+    Parameters
+    ----------
+    settings
+        What is sent, and its bounds.
+    controller
+        The controller of kinds ``closed`` and ``step``; its limits of the command become those of
+        the experiment.
+
+    Attributes
+    ----------
+    over, outcome
+        Why it ended, in words, and as what; None while it runs.
+    command, excitation
+        The last command, and what was added to it on purpose; of kind ``step`` by how much the
+        reference is away from the start.
+
+    Raises
+    ------
+    SettingError
+        Where a controller is missing or is none of this kind.
+
+    """
+
+    def __init__(
+        self, settings: ExperimentSettings, controller: ControllerSettings | None = None
+    ) -> None:
+        if (settings.kind in WITH_CONTROLLER) != (controller is not None):
+            allowed = 'closed or step with a controller, one of the others without'
+            raise SettingError('kind', settings.kind, allowed)
+        self.settings = settings
+        self.over: str | None = None
+        self.outcome: Outcome | None = None
+        self.command = settings.center
+        self.excitation = 0.0
+        self.guard = Guard(settings)
+        self._pattern: Pattern = (
+            Staircase(settings) if settings.kind == 'staircase' else Doublets(settings)
+        )
+        self._controller = self._made(controller) if controller is not None else None
+        self._time = self._stepped = 0.0
+        self._largest = 0.0
+        self._outside = 0
+        self._brake: _Brake | None = None
+
+    @property
+    def stage(self) -> str:
+        """Say in a word what it does."""
+        if self.over is not None:
+            return 'over'
+        if self.guard.origin is None:
+            return 'start'
+        if self._brake is not None:
+            return 'brake'
+        return 'step' if self.settings.kind == 'step' else self._pattern.stage
+
+    def tick(self, measurement: float, dt: float, elapsed: float) -> float:
+        """
+        Advance by one tick and return the command to send.
+
+        Parameters
+        ----------
+        measurement
+            y, or nan when none came since the last tick.
+        dt
+            Time since the previous sample [s]; 0 when none came.
+        elapsed
+            Time since the last tick [s].
+
+        """
+        settings, guard = self.settings, self.guard
+        if self.over is not None:
+            return self._send(settings.center, elapsed)
+        if not 0.0 < elapsed < settings.longest:
+            elapsed = settings.period
+        self._time += elapsed
+        used = guard.take(measurement, dt, elapsed)
+        if guard.silence > settings.measurement_timeout:
+            self._finish(Outcome.LOST, f'no valid measurement for {guard.silence:.3g} s')
+        elif self._time > settings.longest:
+            what = Outcome.STILL if self._pattern.still else Outcome.DONE
+            self._stop(what, f'it took its {settings.longest:g} s')
+        if self.over is not None or guard.origin is None:
+            return self._send(settings.center, elapsed)
+        if self._brake is None and (complaint := guard.complaint(self._delay)):
+            # what is too fast is let go first: friction may brake it, and would add to a brake
+            late = self._delay + guard.late
+            self._stop(Outcome.BOUND, complaint, late if complaint.startswith('speed') else 0.0)
+        if self._brake is not None:
+            self.excitation = self._brake.advance(guard, elapsed)
+            if self._brake.finished:
+                self.over = self._brake.reason
+                self.excitation = 0.0
+            return self._send(settings.center + self.excitation, elapsed)
+        if settings.kind == 'step':
+            return self._step(measurement if used else None, dt, elapsed)
+        self.excitation = self._pattern.advance(guard, elapsed)
+        self._largest = max(self._largest, abs(self.excitation))
+        if self._pattern.finished:
+            what = Outcome.STILL if self._pattern.still else Outcome.DONE
+            self._stop(what, 'it did all it was to do')
+            self.excitation = 0.0
+        if self._controller is None:
+            return self._send(settings.center + self.excitation, elapsed)
+        return self._controlled(measurement if used else None, dt, elapsed, guard.origin)
+
+    def end(self, reason: str, brake: bool = False) -> None:
+        """End it from outside, at once, or after its motion is braked."""
+        if self.over is None:
+            (self._stop if brake else self._finish)(Outcome.STOPPED, reason)
+
+    @property
+    def _delay(self) -> float:
+        return max(self.settings.delay, self._pattern.late)
+
+    @property
+    def _pushed(self) -> float:
+        return 0.0 if self._controller is not None else self._pattern.pushed
+
+    def _made(self, controller: ControllerSettings) -> Controller:
+        settings = self.settings
+        return Controller(
+            attrs.evolve(
+                controller,
+                command_min=settings.lowest,
+                command_max=settings.highest,
+                safe_command=settings.center,
+                command_rate_limit=settings.command_rate_limit,
+                measurement_period=settings.measurement_period,
+                measurement_timeout=settings.measurement_timeout,
+                reference_timeout=0.0,
+                stall_time=0.0,
+                applied_timeout=0.0,
+                feed_forward_timeout=0.0,
+                error_deadband=0.0,
+            ),
+            checked=True,
+        )
+
+    def _controlled(
+        self, measurement: float | None, dt: float, elapsed: float, reference: float
+    ) -> float:
+        assert self._controller is not None
+        command = self._controller.tick(
+            nan if measurement is None else measurement,
+            0.0 if measurement is None else dt,
+            elapsed=elapsed,
+            reference=[reference, 0.0, 0.0],
+            feed_forward=self.excitation if self.settings.kind == 'closed' else None,
+        )
+        return self._send(command, elapsed)
+
+    def _step(self, measurement: float | None, dt: float, elapsed: float) -> float:
+        """Take over at rest, step, hold, step back, and compare."""
+        settings, guard = self.settings, self.guard
+        assert guard.origin is not None
+        length = len(settings.predicted) * settings.period
+        # it holds still first, for a fifth of a step
+        self._stepped += elapsed
+        at = self._stepped - 0.2 * length
+        on = 0.0 <= at < length
+        self.excitation = settings.reference_step if on else 0.0
+        if measurement is not None:
+            expected, band = self._expected(at)
+            away = abs(guard.moved - expected) > band
+            self._outside = self._outside + 1 if away else 0
+            if self._outside >= _WORSE:
+                self.excitation = 0.0
+                said = f'the output is at {guard.moved:+.4g}, and {expected:+.4g} was expected'
+                self._stop(Outcome.WORSE, f'{said} within {band:.3g}')
+                return self._send(settings.center, elapsed)
+        if at >= 2.0 * length:
+            self._finish(Outcome.DONE, 'the step went as it was predicted')
+        return self._controlled(measurement, dt, elapsed, guard.origin + self.excitation)
+
+    def _expected(self, at: float) -> tuple[float, float]:
+        settings = self.settings
+        last = len(settings.predicted) - 1
+
+        def response(time: float) -> tuple[float, float]:
+            if time < 0.0:
+                return 0.0, settings.band[0]
+            k = min(int(time / settings.period + 0.5), last)
+            return settings.predicted[k], settings.band[k]
+
+        up, band = response(at)
+        down, wide = response(at - (last + 1) * settings.period)
+        return up - down, max(band, wide)
+
+    def _stop(self, outcome: Outcome, reason: str, wait: float = 0.0) -> None:
+        """End as soon as the motion is braked, what still moves after ``wait`` [s]."""
+        settings = self.settings
+        if self._brake is None:
+            self.outcome = outcome
+            sign = settings.sign or self._pattern.sign
+            size = self._largest or settings.amplitude or settings.max_command
+            driven = self.excitation, self._pushed
+            self._brake = _Brake(self.guard, sign, size, driven, self._delay, wait, reason)
+
+    def _finish(self, outcome: Outcome, reason: str) -> None:
+        self.outcome, self.over, self.excitation = outcome, reason, 0.0
+
+    def _send(self, command: float, elapsed: float) -> float:
+        """Send the nearest command that the limits allow."""
+        settings = self.settings
+        if not isfinite(command):
+            command = settings.center
+        if settings.command_rate_limit > 0.0:
+            change = settings.command_rate_limit * elapsed
+            command = max(self.command - change, min(self.command + change, command))
+        self.command = max(settings.lowest, min(settings.highest, command))
+        return self.command
+
+
+class _Brake:
+    """
+    The opposite of what drove the motion, in proportion to the speed; half after each turn.
+
+    Without a known sign of b0 what drove is all that is known: its opposite, for as long as it
+    drove at most.
+    """
+
+    def __init__(
+        self,
+        guard: Guard,
+        sign: int,
+        size: float,
+        driven: tuple[float, float],
+        delay: float,
+        wait: float,
+        reason: str,
+    ) -> None:
+        excitation, pushed = driven
+        self._known = sign != 0
+        self._size, self._delay, self._wait = size, delay, wait
+        self._way = 1.0 if guard.velocity > 0.0 else -1.0
+        self._sign = sign or (1 if excitation * self._way > 0.0 else -1)
+        self._longest = pushed
+        if self._known:
+            self._longest = _BRAKES * (pushed + delay) + 3.0 * guard.late
+        self._longest += wait
+        self.reason = reason
+        self.finished = False
+        self._spent = self._quiet = 0.0
+
+    def advance(self, guard: Guard, elapsed: float) -> float:
+        """Return what is added to the resting command until the next tick."""
+        self._spent += elapsed
+        slow = abs(guard.velocity) <= guard.still
+        self._quiet = self._quiet + elapsed if slow else 0.0
+        turned = guard.velocity * self._way < 0.0 and not slow
+        if self._spent > self._longest or (slow and self._quiet > self._delay):
+            self.finished = True
+            return 0.0
+        if turned:
+            self.finished = not self._known
+            self._way, self._size = -self._way, 0.5 * self._size
+        if slow or self.finished or self._spent <= self._wait:
+            return 0.0
+        # a chain of two integrators slows down in the time in which it was driven
+        share = _FIRM * guard.velocity / guard.fastest
+        return -self._sign * self._size * max(-1.0, min(1.0, share))

@@ -1,0 +1,1 @@
+"""From an unknown machine to a tuned loop: look, nudge, excite, say, try."""
