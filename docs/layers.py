@@ -12,7 +12,10 @@ FLOORS = (
         ('cli', 'the nadrc command line', WITH_ROS),
         ('testing', "loops in a user's pytest", WITH_ROS),
     ),
-    (('demo', 'a scenario as processes on the graph: launcher, operator', WITH_ROS),),
+    (
+        ('demo', 'a scenario as processes on the graph', WITH_ROS),
+        ('live', 'a running loop on a page: see it, tune it', WITH_ROS),
+    ),
     (
         ('nodes', 'controller, plant, reference, recorder', WITH_ROS),
         ('tuning', 'design, search, identification', PLAIN),

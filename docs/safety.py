@@ -67,9 +67,12 @@ PROMISES = (
     'lost.',
 )
 NUMBERED = dict(enumerate(PROMISES, 1)) | {
-    21: 'A loop under a lease (`~/keep`) is disabled, as by `~/enable` false, within one period '
-    'after the lease has run out. A message on `~/keep` enables nothing, nor does one that comes '
-    'too late renew anything.',
+    21: 'The live page changes nothing without its token, from a foreign origin or host, or by '
+    'GET. A loop under a lease (`~/keep`) is disabled, as by `~/enable` false, within one period '
+    'after the lease has run out, so without the heartbeat of a page within 0.5 s. A message on '
+    '`~/keep` enables nothing, nor does one that comes too late renew anything.',
+    22: 'STOP on the live page acts within 100 ms plus one period whatever else the page does; a '
+    'page that is slow, frozen, closed or killed costs the controller nothing.',
     23: 'An experiment of commissioning sends no command out of its bounds, and ends when its '
     'sensor falls silent.',
     24: 'No bytes of any message type on a wired topic end a node or enter an observer unless '

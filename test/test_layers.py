@@ -27,14 +27,17 @@ ARROWS = {
     'ros': {'adrc', 'simulation', 'scenario', 'wiring'},
     'nodes': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'wiring'},
     'demo': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'nodes'},
+    'live': {
+        *('adrc', 'simulation', 'scenario', 'records', 'tuning', 'theory', 'ros', 'nodes'),
+    },
     'testing': {'adrc', 'simulation', 'scenario', 'records', 'report', 'ros', 'nodes', 'demo'},
     'cli': {
         *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo'),
-        *('export', 'wiring'),
+        *('live', 'export', 'wiring'),
     },
 }
 PURE = {'adrc', 'simulation', 'wiring'}
-WITH_ROS = {'ros', 'nodes', 'demo', 'testing', 'cli'}
+WITH_ROS = {'ros', 'nodes', 'demo', 'live', 'testing', 'cli'}
 IMPURE = {
     *('rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'diagnostic_msgs', 'ament_index_python'),
     *('time', 'datetime', 'logging', 'os', 'pathlib', 'io', 'sys', 'random', 'secrets', 'socket'),

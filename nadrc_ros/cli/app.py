@@ -18,6 +18,7 @@ from nadrc_ros.cli.design import design
 from nadrc_ros.cli.export import export
 from nadrc_ros.cli.failure import naming, reporting, USAGE_ERROR
 from nadrc_ros.cli.identify import identify
+from nadrc_ros.cli.live import live
 from nadrc_ros.cli.report import report
 from nadrc_ros.cli.scenarios import scenarios
 from nadrc_ros.cli.simulate import simulate
@@ -33,6 +34,7 @@ COMMANDS = (
     scenarios,
     simulate,
     demo,
+    live,
     report,
     identify,
     sweep,

@@ -21,7 +21,6 @@ from nadrc_ros.ros.topics import Info, receive, RECORD
 from nadrc_ros.ros.wires import make_wire, Wire
 from nadrc_ros.ros.wiring_parameters import build_wiring, WiringSettings
 from nadrc_ros.wiring.address import Address
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Samples of all topics are there so long after the newest one left [ns], and without any new ones
@@ -40,7 +39,9 @@ class Intake:
     """
     Has a node hear the topics of signals, and makes rows of what comes, in runs of ``duration``.
 
-    ``period`` is that of an angle, if it is known already.
+    ``period`` is that of an angle, if it is known already. Samples of all topics are taken to be
+    there ``skew`` [ns] after the newest one left; they come with the quality of service ``qos``,
+    and silence is remarked on if ``watched``.
 
     Times are of the steady clock of this machine, in simulated time of ``/clock``: there a sample
     left when it came, and where that clock goes back, time stands still. ``clock_jumps`` counts
@@ -49,7 +50,15 @@ class Intake:
     """
 
     def __init__(
-        self, node: LiveNode, topics: Mapping[str, str], duration: float, period: float
+        self,
+        node: LiveNode,
+        topics: Mapping[str, str],
+        duration: float,
+        period: float,
+        *,
+        skew: int = _SKEW,
+        qos: QoSProfile = RECORD,
+        watched: bool = True,
     ) -> None:
         self.losses = {name: Losses() for name in topics}
         self.simulated: bool = node.get_parameter('use_sim_time').value
@@ -62,11 +71,12 @@ class Intake:
         self.restart(0)
         self.wiring, self._home = WiringSettings(), ''
         self._topics = topics
+        self._skew, self._qos, self._watched = skew, qos, watched
         self._stamped: set[str] = set()  # signals whose headers tell the time, also simulated
         self._wired: dict[str, Address | None] = {}
         self._wired |= dict.fromkeys(name for name in (*NEEDED, *JOINED) if name in topics)
         for name, topic in topics.items():
-            node.add_input(topic, partial(self.take, name), qos=RECORD, **_watched(name))
+            node.add_input(topic, partial(self.take, name), qos=qos, **self._watch(name))
 
     def follow(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Take the wiring of a controller for ours, and its period, from its parameters."""
@@ -95,8 +105,8 @@ class Intake:
                 self._node,
                 self._topics[name],
                 partial(self.take, name),
-                _heard_by(self._node, wire.address.topic) if wire else RECORD,
-                **_watched(name),
+                self._heard_by(wire.address.topic) if wire else self._qos,
+                **self._watch(name),
                 fixed=wire is not None,
                 wire=wire,
             )
@@ -176,9 +186,20 @@ class Intake:
         begin = self._rows.begin
         return None if begin is None or moment < begin else (moment - begin) / _SECOND
 
+    @property
+    def begin(self) -> int | None:
+        """Return when the first row begins [ns], None before it."""
+        return self._rows.begin
+
+    def begin_without_command(self) -> None:
+        """Let rows begin though nobody commands: their command is nan until somebody does."""
+        unheard = self.unheard()
+        if self.begin is None and 'command' in unheard and 'measurement' not in unheard:
+            self._rows.take('command', self._rows.newest, nan)
+
     def close(self) -> tuple[int, list[Row]]:
         """Return until when [ns] all rows are made, and those that were not returned before."""
-        until, now = self._rows.newest - _SKEW, self.now()
+        until, now = self._rows.newest - self._skew, self.now()
         # Who stood still for so long has not taken what came meanwhile.
         if now - self._looked < _SILENCE:
             until = max(until, now - _SILENCE)
@@ -212,17 +233,17 @@ class Intake:
             stamp = (info['source_timestamp'] - self._begin) / _SECOND
         self._rows.take(name, moment, value, stamp, lost)
 
+    def _watch(self, name: str) -> dict[str, Any]:
+        """Return how an input is looked after."""
+        if not self._watched:
+            return {'silence': None}
+        silence = WARN if name in NEEDED else OK
+        return {'silence': silence, 'regular': name == 'measurement'}
 
-def _watched(name: str) -> dict[str, Any]:
-    """Return how an input is looked after."""
-    silence = WARN if name in NEEDED else OK
-    return {'silence': silence, 'regular': name == 'measurement'}
-
-
-def _heard_by(node: Node, topic: str) -> QoSProfile:
-    """Return the best quality of service at which all publishers of a topic are heard."""
-    qos = copy.copy(RECORD)
-    for info in node.get_publishers_info_by_topic(topic):
-        if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
-            qos.reliability = ReliabilityPolicy.BEST_EFFORT
-    return qos
+    def _heard_by(self, topic: str) -> QoSProfile:
+        """Return the best quality of service at which all publishers of a topic are heard."""
+        qos = copy.copy(self._qos)
+        for info in self._node.get_publishers_info_by_topic(topic):
+            if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+                qos.reliability = ReliabilityPolicy.BEST_EFFORT
+        return qos

@@ -1,0 +1,194 @@
+"""The process of `nadrc live`: the node in a thread of its own, the server in the first one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+import gc
+from pathlib import Path
+import signal
+import socket
+import sys
+import tempfile
+from threading import Event, Thread
+import time
+import traceback
+
+import attrs
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.live.access import Access
+from nadrc_ros.live.monitor import Monitor
+from nadrc_ros.live.server import application
+from nadrc_ros.live.session import Session
+from nadrc_ros.ros.runtime import (
+    BAD_START,
+    init_ros,
+    make_executor,
+    spin_until_over,
+    stop_signals,
+)
+import rclpy
+from rclpy.node import Node
+from tornado.httpserver import HTTPServer
+from tornado.netutil import bind_sockets
+
+# Controllers are looked for so long [s].
+_SEARCH = 1.5
+# What is to be stopped has so long to answer at the end, and the node to end its spin [s].
+_LAST_ANSWER, _SPIN = 0.3, 2.0
+_SET_BOOL = 'std_srvs/srv/SetBool'
+
+
+@attrs.frozen(kw_only=True)
+class Asked:
+    """What the command line asks for; ``controller`` is empty for the only one there is."""
+
+    controller: str = ''
+    namespace: str = ''
+    port: int = 8700
+    host: str = '127.0.0.1'
+    read_only: bool = False
+
+
+def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[str] = ()) -> None:
+    """
+    Serve the page of a loop until a signal asks to stop.
+
+    Parameters
+    ----------
+    asked
+        Which loop, and where.
+    tell
+        Called with the address and the name of the controller, once the page can be opened.
+    arguments
+        Of the command line, for ROS.
+
+    Raises
+    ------
+    UserError
+        For a port that is taken, several controllers of which none was named, or a bad name.
+
+    """
+    sockets = _bind(asked)
+    try:
+        init_ros(list(arguments))
+        with _signals_stop() as stop:
+            namespace, name = _names(asked)
+            monitor = Monitor(
+                namespace=namespace,
+                parameters={'controller': name, 'read_only': asked.read_only},
+            )
+            with _spinning(monitor) as alive:
+                gc.collect()
+                gc.freeze()
+                asyncio.run(_serve(asked, sockets, monitor, tell, lambda: stop() or not alive()))
+                if not alive():
+                    raise UserError('the ROS side of the page failed: see above')
+    except BAD_START as error:
+        raise UserError(str(error)) from None
+    finally:
+        for each in sockets:
+            each.close()
+        rclpy.try_shutdown()
+
+
+async def _serve(
+    asked: Asked,
+    sockets: Sequence[socket.socket],
+    monitor: Monitor,
+    tell: Callable[[str, str], None],
+    over: Callable[[], bool],
+) -> None:
+    access = Access(port=sockets[0].getsockname()[1], host=asked.host)
+    session = Session(monitor)
+    with tempfile.TemporaryDirectory(prefix='nadrc_live_') as reports:
+        server = HTTPServer(application(access, session, Path(reports)), max_body_size=4096)
+        server.add_sockets(list(sockets))
+        tell(access.address, monitor.controller)
+        while not over():
+            await asyncio.sleep(0.05)
+        server.stop()
+        held = any(client.hold.holding for client in session.clients)
+        session.close()
+        if held:  # its answer means that the controller has it
+            await asyncio.sleep(_LAST_ANSWER)
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(server.close_all_connections(), 1.0)
+
+
+def _bind(asked: Asked) -> list[socket.socket]:
+    try:
+        return bind_sockets(asked.port, asked.host)[:1]
+    except OSError as error:
+        raise UserError(
+            f'cannot listen at {asked.host} port {asked.port}: {error.strerror or error}; '
+            '--port 0 takes a free one'
+        ) from None
+
+
+@contextmanager
+def _signals_stop() -> Iterator[Callable[[], bool]]:
+    """Give what tells whether a signal asked to stop."""
+    came = Event()
+    before = {n: signal.signal(n, lambda *_: came.set()) for n in stop_signals()}
+    try:
+        yield came.is_set
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _spinning(monitor: Monitor) -> Iterator[Callable[[], bool]]:
+    """Spin a node in a thread, and give what tells whether it still does."""
+    executor, ended = make_executor(), Event()
+    executor.add_node(monitor)
+
+    def spin() -> None:
+        try:
+            spin_until_over(executor, monitor, ended.is_set)
+        except Exception:
+            print(traceback.format_exc(), file=sys.stderr)
+
+    thread = Thread(target=spin, name='ros', daemon=True)
+    thread.start()
+    try:
+        yield thread.is_alive
+    finally:
+        ended.set()
+        thread.join(_SPIN)
+        if not thread.is_alive():
+            executor.shutdown(timeout_sec=0.0)
+            monitor.destroy_node()
+
+
+def _names(asked: Asked) -> tuple[str, str]:
+    """Return the namespace and the name of the controller that is meant."""
+    space = '/' + asked.namespace.strip('/')
+    name = asked.controller or ('controller' if asked.namespace else _only_one())
+    full = name if name.startswith('/') else f'{space.rstrip("/")}/{name}'
+    before, _, last = full.rpartition('/')
+    return before or '/', last
+
+
+def _only_one() -> str:
+    """Return the only controller of the graph, or a usual name if there is none yet."""
+    node = Node('live_search')
+    time.sleep(_SEARCH)  # the middleware finds them by itself
+    found = controllers(node)
+    node.destroy_node()
+    if len(found) > 1:
+        raise UserError(f'there are {len(found)} controllers: say which, of {", ".join(found)}')
+    return found[0] if found else '/controller'
+
+
+def controllers(node: Node) -> list[str]:
+    """Return the full names of the controllers of this package on the graph."""
+    services = node.get_service_names_and_types()
+    enabled = [
+        name.removesuffix('/enable')
+        for name, types in services
+        if name.endswith('/enable') and _SET_BOOL in types
+    ]
+    return sorted(name for name in enabled if node.count_publishers(f'{name}/output_estimate'))
