@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf, log10, pi
-from typing import Any, Literal
+from typing import Any
 
 import attrs
-from bokeh.models import (
-    ColumnDataSource,
-    HoverTool,
-    LinearScale,
-    LogAxis,
-    Range1d,
-)
-from bokeh.models.annotations import BoxAnnotation, Label, Span
+from bokeh.models import ColumnDataSource, HoverTool, LogAxis, Range1d
+from bokeh.models.annotations import BoxAnnotation
 from bokeh.plotting import figure
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.records.states import IN_CONTROL
+from nadrc_ros.report.canvas import across, axis_look, base, letter, line_look
 from nadrc_ros.report.curves import bandwidths, bins, command_spectrum
 from nadrc_ros.report.marks import NumberedChanges
 from nadrc_ros.report.roles import (
     GREY,
     GRID,
-    INK,
     JOINED_LOOKS,
     level_looks,
     Look,
@@ -37,9 +31,6 @@ import numpy as np
 
 _MOST_MARKED = 40
 _LONGEST_NAME = 9
-_HEIGHT = 240  # px
-_LEFT, _RIGHT = 76, 14  # px: the same, so that the times lie above each other
-_WHITE = '#ffffff'
 # Decades of a spectrum, and above it those for the marks of bandwidths.
 _DEEPEST, _HEADROOM = 8.0, 1.0
 _MOST_BANDWIDTHS = 8
@@ -86,7 +77,7 @@ class Plotter:
         if not any(rows.values()):
             return None
         names = list(rows)
-        made = _base('', 'time [s]', x_range=self._time, y_range=Range1d(start=len(rows), end=0))
+        made = base('', 'time [s]', x_range=self._time, y_range=Range1d(start=len(rows), end=0))
         made.height = 56 + 20 * len(rows)
         for i, spans in enumerate(rows.values()):
             for state in STATES:
@@ -133,7 +124,7 @@ class Plotter:
                 caption += f' {dash.title()}: {what}.'
         limits = {run.history.command_limits() for run in self.runs.values()}
         for limit in limits.pop() or () if len(limits) == 1 else ():
-            made.add_layout(_across(limit, 'width'))
+            made.add_layout(across(limit, 'width'))
         return Plot(made, caption)
 
     def disturbance(self, name: str, caption: str) -> Plot | None:
@@ -167,7 +158,7 @@ class Plotter:
         bottom, top = _extent(density for _, density in found.values())
         bottom = max(bottom, top * 10.0**-_DEEPEST)
         squared = f'({unit})²' if (unit := self.unit('command')) else 'u²'
-        made = _base(
+        made = base(
             f'density of u [{squared} / (rad/s)]',
             'frequency [rad/s]; above: [Hz]',
             x_range=Range1d(start=low, end=high),
@@ -176,10 +167,10 @@ class Plotter:
             y_axis_type='log',
         )
         made.extra_x_ranges = {'hertz': Range1d(start=low / (2.0 * pi), end=high / (2.0 * pi))}
-        made.add_layout(LogAxis(x_range_name='hertz', **_axis_look()), 'above')
+        made.add_layout(LogAxis(x_range_name='hertz', **axis_look()), 'above')
         for name, (omega, density) in found.items():
             source = ColumnDataSource({'x': omega, 'y': density})
-            made.line('x', 'y', source=source, **_line_look(self.looks[name]))
+            made.line('x', 'y', source=source, **line_look(self.looks[name]))
         made.add_tools(HoverTool(tooltips=[('', '@x{0.0000 a} rad/s: @y')], mode='mouse'))
         said = self._mark_bandwidths(made, log10(low), log10(high))
         text = 'Power spectral density of the command (Welch) on logarithmic axes.'
@@ -199,8 +190,8 @@ class Plotter:
                 marks[-1][1].append(text)
                 continue
             marks.append((place, [text]))
-            made.add_layout(_across(each.value, 'height'))
-            made.add_layout(_letter(each.value, chr(ord('A') + (len(marks) - 1) % 26)))
+            made.add_layout(across(each.value, 'height'))
+            made.add_layout(letter(each.value, chr(ord('A') + (len(marks) - 1) % 26)))
         named = (f'{chr(ord("A") + i % 26)} {", ".join(t)}' for i, (_, t) in enumerate(marks))
         text = f'Bandwidths: {"; ".join(named)}.' if marks else ''
         return f'{text} Those that are not of all runs are among the parameters.' if many else text
@@ -222,7 +213,7 @@ class Plotter:
         )
         if plot is not None:
             for rate in {run.rate for run in self.runs.values()}:
-                plot.figure.add_layout(_across(1e3 / rate, 'height'))
+                plot.figure.add_layout(across(1e3 / rate, 'height'))
         return plot
 
     def _histogram(self, columns: Mapping[str, Array], title: str, caption: str) -> Plot | None:
@@ -230,7 +221,7 @@ class Plotter:
         if not columns:
             return None
         edges = bins(columns.values())
-        made = _base(
+        made = base(
             'share of samples [%]',
             title,
             x_range=Range1d(start=edges[0], end=edges[-1]),
@@ -243,7 +234,7 @@ class Plotter:
             source = ColumnDataSource({'x': x, 'y': y})
             look = self.looks[name]
             made.varea('x', y2='y', y1=0.0, source=source, fill_color=look.colour, fill_alpha=0.2)
-            made.line('x', 'y', source=source, **_line_look(look))
+            made.line('x', 'y', source=source, **line_look(look))
         beyond = sum(int((values > edges[-1]).sum()) for values in columns.values())
         more = f' {beyond} samples above {edges[-1]:.3g} ms are not shown.' if beyond else ''
         return Plot(made, caption + more, timed=False)
@@ -267,13 +258,13 @@ class Plotter:
         """Add a line that the page fills with a column of a run, if it has that."""
         if column in self._traces[name].columns:
             source = ColumnDataSource({'x': [], 'y': []})
-            line = made.line('x', 'y', source=source, **_line_look(look, width))
+            line = made.line('x', 'y', source=source, **line_look(look, width))
             line.tags = [list(self.runs).index(name), column, column in ('command', *JOINED_LOOKS)]
             line.visible = column != 'measurement'
 
     def _timed(self, title: str, shaded: Iterable[str] = ()) -> figure:
         """Return a figure over time; behind it is what the controllers of runs did."""
-        made = _base(title, 'time [s]', x_range=self._time, y_range=Range1d(start=0.0, end=1.0))
+        made = base(title, 'time [s]', x_range=self._time, y_range=Range1d(start=0.0, end=1.0))
         for name in shaded if len(self.runs) > 1 else self.runs:
             for each in self._traces[name].states:
                 if each.state != IN_CONTROL:
@@ -297,58 +288,8 @@ class Plotter:
 
     def _mark(self, made: figure) -> None:
         for mark in self._marked:
-            made.add_layout(_across(mark.time, 'height'))
-            made.add_layout(_letter(mark.time, str(mark.number)))
-
-
-def _base(y: str, x: str, **ranges: Any) -> figure:
-    """Return an empty figure in the style of the house."""
-    made = figure(
-        height=_HEIGHT, sizing_mode='stretch_width', tools='', toolbar_location=None,
-        min_border_left=_LEFT, min_border_right=_RIGHT, outline_line_color=None,
-        background_fill_color=_WHITE, border_fill_color=_WHITE, **ranges,
-    )  # fmt: skip
-    made.extra_y_ranges = {'share': Range1d(start=0.0, end=1.0)}
-    made.extra_y_scales = {'share': LinearScale()}
-    made.xaxis.axis_label, made.yaxis.axis_label = x, y
-    for axis in made.axis:
-        axis.update(**_axis_look())
-    made.grid.grid_line_color = GRID
-    return made
-
-
-def _axis_look() -> dict[str, Any]:
-    return {
-        'axis_line_color': GREY,
-        'axis_label_text_color': INK,
-        'axis_label_text_font_style': 'normal',
-        'axis_label_text_font_size': '12px',
-        'axis_label_standoff': 4,
-        'major_tick_line_color': GREY,
-        'minor_tick_line_color': None,
-        'major_label_text_color': GREY,
-        'major_label_text_font_size': '12px',
-    }
-
-
-def _line_look(look: Look, width: float = 1.5) -> dict[str, Any]:
-    return {'line_color': look.colour, 'line_dash': look.dash, 'line_width': width}
-
-
-def _across(place: float, dimension: Literal['width', 'height']) -> Span:
-    """Return a dotted line at a place of one axis."""
-    return Span(
-        location=place, dimension=dimension, line_color=INK, line_dash='dotted', line_width=1
-    )
-
-
-def _letter(place: float, text: str) -> Label:
-    """Return a short text at the top of a figure, right of a place."""
-    return Label(
-        x=place, y=1.0, y_range_name='share', text=text, text_baseline='top', x_offset=3,
-        text_color=INK, text_font_size='12px', background_fill_color=_WHITE,
-        background_fill_alpha=0.8,
-    )  # fmt: skip
+            made.add_layout(across(mark.time, 'height'))
+            made.add_layout(letter(mark.time, str(mark.number)))
 
 
 def _short(name: str) -> str:
