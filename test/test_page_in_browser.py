@@ -77,7 +77,10 @@ def test_a_page_shows_the_samples_recorded_and_all_of_it_can_be_read(
     assert found['ready'] == 'yes' and found['said'] == []
     assert found['width'] == width and found['overflow'] <= 0
     # one moment, in all plots
-    samples = {name: np.array(column) for name, column in read_samples(run).items()}
+    samples = {
+        name: np.array(column, 'f8' if name == 'time' else 'f4')
+        for name, column in read_samples(run).items()
+    }
     assert found['moment'] == 't = 1.230 s'
     assert float(found['values']['output'].replace('−', '-')) == pytest.approx(
         samples['output'][123], rel=1e-3
@@ -95,6 +98,7 @@ def test_a_page_shows_the_samples_recorded_and_all_of_it_can_be_read(
     # buttons, keys, legend
     assert found['all'] == [0.0, 3.99] and found['keyed'] == pytest.approx(3.99 / 2)
     assert found['hidden'] == 1
+    assert found['printed'] == [1000] * 8  # whatever the width of the window
     assert found['dark'] == ('#16191d' if dark else '#ffffff')
     assert found['texts'] > 60
     assert found['faint'] == [] and found['covered'] == []

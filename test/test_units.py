@@ -15,7 +15,7 @@ from nadrc_ros.report.page import page
 from nadrc_ros.scenario import dump, loads
 from nadrc_ros.scenario.units import Units
 import pytest
-from report_helpers import describe, record
+from report_helpers import describe, record, unpacked
 
 SCENARIO = 'plant: paper\nreference: cosine\ncontrollers: {mine: {}}\n'
 
@@ -68,8 +68,9 @@ def test_units_of_a_record_are_on_every_axis_and_in_the_table(told: Any, tmp_pat
     about = json.loads((run / ABOUT).read_text())
     (run / ABOUT).write_text(json.dumps(about | {'units': told}))
     text = page(read_runs([run]))
+    drawn = unpacked(text, 'data').decode()
     good = told == {'output': 'rad', 'command': 'V'}
     for label in ('output y [rad]', 'error e [rad]', 'command u [V]', 'disturbance [rad/s²]'):
-        assert (json.dumps(label)[1:-1] in text) == good, label
+        assert (json.dumps(label)[1:-1] in drawn) == good, label
     for label in ('ITAE [rad\u202fs²]', 'max |u| [V]', '<span class="unit">rad</span>'):
         assert (label in text) == good, label

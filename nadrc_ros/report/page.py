@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from functools import cache
 import json
@@ -14,10 +13,11 @@ from bokeh.document import Document
 from bokeh.resources import INLINE
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
-from nadrc_ros.records.recorded_run import Array, RecordedRun
+from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.records.states import IN_CONTROL
 from nadrc_ros.report import roles, tables
 from nadrc_ros.report.marks import numbered
+from nadrc_ros.report.packed import Columns, packed
 from nadrc_ros.report.plots import Plot, Plotter
 from nadrc_ros.report.summary import summary_of, title_of
 from nadrc_ros.report.traces import Gap, MOST_OF_ALL, MOST_ROWS, Trace, trace_of
@@ -114,8 +114,8 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         origin=tables.origin(runs),
         roles=roles,
         style=Markup(_text('report.css')),
-        scripts=[Markup(each) for each in (*INLINE.js_raw[:1], _text('report.js'))],
-        data=_data(plots, traces, plotter.span),
+        script=Markup(_text('report.js')),
+        packed={'bokeh': _bokeh(), **_data(plots, traces, plotter.span)},
     )  # fmt: skip
 
 
@@ -144,35 +144,44 @@ def _gaps(traces: Mapping[str, Trace]) -> list[tuple[str, Gap]]:
     return [(', '.join(names), gap) for gap, names in found.items()]
 
 
-def _data(plots: Sequence[Plot], traces: Mapping[str, Trace], span: tuple[float, float]) -> Markup:
-    """Return all that the script draws as JSON, which ends no script element."""
-    document = Document()
-    for plot in plots:
-        document.add_root(plot.figure)
+@cache
+def _bokeh() -> str:
+    """Return the script that draws; of its parts none but the plots."""
+    return packed(INLINE.js_raw[0])
+
+
+def _data(
+    plots: Sequence[Plot], traces: Mapping[str, Trace], span: tuple[float, float]
+) -> dict[str, str]:
+    """Return all that the script draws: each plot is a document of its own, made when seen."""
+    columns = Columns()
     content: dict[str, Any] = {
-        'document': document.to_json(deferred=False),
+        'plots': [_document(each) for each in plots],
         'timed': [each.timed for each in plots],
         'span': span,
         'dark': roles.DARK,
         'runs': [
             {
                 'name': name,
-                'columns': {key: _encoded(values) for key, values in trace.columns.items()},
+                'columns': {
+                    key: columns.add(values, key == 'time')
+                    for key, values in trace.columns.items()
+                },
                 'gaps': trace.gaps,
                 'states': [each for each in trace.states if each.state != IN_CONTROL],
             }
             for name, trace in traces.items()
         ],
+        'columns': columns.kinds,
     }
     text = json.dumps(content, allow_nan=False, separators=(',', ':'))
-    for sign in '<>&':
-        text = text.replace(sign, f'\\u{ord(sign):04x}')
-    return Markup(text)
+    return {'data': packed(text), 'samples': packed(columns.data)}
 
 
-def _encoded(values: Array) -> str:
-    """Return doubles, little-endian, in base 64."""
-    return b64encode(np.ascontiguousarray(values, '<f8').tobytes()).decode()
+def _document(plot: Plot) -> Any:
+    document = Document()
+    document.add_root(plot.figure)
+    return document.to_json(deferred=False)
 
 
 def _which_error(runs: Mapping[str, RecordedRun]) -> str:

@@ -69,7 +69,6 @@ class Plotter:
         starts = [float(run.time[0]) for run in runs.values()]
         ends = [max(float(run.time[-1]), run.stop) for run in runs.values()]
         self.span = min(starts), max(*ends, min(starts) + 1e-3)
-        self._time = Range1d(start=self.span[0], end=self.span[1])
 
     def strip(self) -> Plot | None:
         """Return a row for each run with what its controller did, None where none told it."""
@@ -77,7 +76,7 @@ class Plotter:
         if not any(rows.values()):
             return None
         names = list(rows)
-        made = base('', 'time [s]', x_range=self._time, y_range=Range1d(start=len(rows), end=0))
+        made = base('', 'time [s]', x_range=self._time(), y_range=Range1d(start=len(rows), end=0))
         made.height = 56 + 20 * len(rows)
         for i, spans in enumerate(rows.values()):
             for state in STATES:
@@ -264,7 +263,7 @@ class Plotter:
 
     def _timed(self, title: str, shaded: Iterable[str] = ()) -> figure:
         """Return a figure over time; behind it is what the controllers of runs did."""
-        made = base(title, 'time [s]', x_range=self._time, y_range=Range1d(start=0.0, end=1.0))
+        made = base(title, 'time [s]', x_range=self._time(), y_range=Range1d(start=0.0, end=1.0))
         for name in shaded if len(self.runs) > 1 else self.runs:
             for each in self._traces[name].states:
                 if each.state != IN_CONTROL:
@@ -274,17 +273,20 @@ class Plotter:
                             fill_color=STATES[each.state], fill_alpha=0.5,
                         )
                     )  # fmt: skip
-        for trace in self._traces.values():
-            for gap in trace.gaps:
-                made.add_layout(
-                    BoxAnnotation(
-                        left=gap.begin, right=gap.end, line_color=None, level='underlay',
-                        fill_color=GRID, fill_alpha=0.5, hatch_pattern='/', hatch_color=GREY,
-                        hatch_alpha=0.35, hatch_weight=0.5,
-                    )
-                )  # fmt: skip
+        gaps = (gap for trace in self._traces.values() for gap in trace.gaps)
+        for begin, end in dict.fromkeys((gap.begin, gap.end) for gap in gaps):
+            made.add_layout(
+                BoxAnnotation(
+                    left=begin, right=end, line_color=None, level='underlay', fill_color=GRID,
+                    fill_alpha=0.5, hatch_pattern='/', hatch_color=GREY, hatch_alpha=0.35,
+                    hatch_weight=0.5,
+                )
+            )  # fmt: skip
         self._mark(made)
         return made
+
+    def _time(self) -> Range1d:
+        return Range1d(start=self.span[0], end=self.span[1])
 
     def _mark(self, made: figure) -> None:
         for mark in self._marked:

@@ -1,26 +1,43 @@
 // Fills the plots of a report, and shows the same stretch of time and the same moment in all.
 'use strict';
 
-const { document: described, timed: over_time, runs, span, dark } = JSON.parse(
-  document.getElementById('data').textContent);
 const SPIKE = 3; // times the width of the middle 99 % is the range with a spike
 const START = 0.1; // of a run is its start, which may be cut off
-const timed = [];
-const shown = { from: span[0], to: span[1], run: 0, moment: null };
+const PAPER = 1000; // px: the width of a printed plot, whatever the window
+let runs, span, dark;
+const plots = [];
+let timed = []; // those over time
+const shown = { from: 0, to: 0, run: 0, moment: null };
 const hidden = { run: new Set(), column: new Set(['measurement']) };
 const find = (query) => document.querySelector(query);
 const every = (query) => [...document.querySelectorAll(query)];
 
 // ---- samples ----
 
-function decoded(text) {
-  const bytes = Uint8Array.fromBase64?.(text) // new, and ten times as quick
-    ?? Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
-  return new Float64Array(bytes.buffer);
+async function unpacked(id) {
+  const { textContent } = document.getElementById(id);
+  const bytes = Uint8Array.fromBase64?.(textContent) // new, and ten times as quick
+    ?? Uint8Array.from(atob(textContent), (sign) => sign.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-for (const run of runs) {
-  for (const name of Object.keys(run.columns)) run.columns[name] = decoded(run.columns[name]);
+/** The columns, of which the first bytes of all numbers come first. */
+function columns_of(kinds, bytes) {
+  let begin = 0;
+  return kinds.map(([kind, count]) => {
+    const [Numbers, wide] = kind === 'single' ? [Float32Array, 4] : [Float64Array, 8];
+    const ordered = new Uint8Array(wide * count);
+    for (let k = 0; k < wide; k++, begin += count) {
+      for (let i = 0; i < count; i++) ordered[i * wide + k] = bytes[begin + i];
+    }
+    const numbers = new Numbers(ordered.buffer);
+    if (kind === 'time') {
+      let sum = 0; // of ns
+      for (let i = 0; i < count; i++) numbers[i] = (sum += numbers[i]) / 1e9;
+    }
+    return numbers;
+  });
 }
 
 /** The first row at or after a time, the number of rows if there is none. */
@@ -117,9 +134,11 @@ function visible([run, column]) {
 }
 
 function fill(plot) {
-  const width = plot.view.frame.bbox.width || 600;
+  for (const each of plot.lines) each.visible = visible(each.tags);
+  if (!plot.over_time) return;
+  plot.model.x_range.setv({ start: shown.from, end: shown.to });
+  const width = plot.view?.frame.bbox.width || plot.element.clientWidth;
   for (const each of plot.lines) {
-    each.visible = visible(each.tags);
     if (each.visible) each.data_source.data = line(each.tags, width);
   }
   if (find('#scale').value === 'fixed' && plot.scaled) return;
@@ -131,24 +150,55 @@ function fill(plot) {
     ? `Cut off: the values go from ${brief(found.full[0])} to ${brief(found.full[1])}.` : '';
 }
 
+/** Make a plot, once. */
+function make(plot) {
+  plot.made ??= (async () => {
+    const whole = Bokeh.require('document').Document.from_json(plot.described);
+    const models = [...whole._all_models?.values() ?? whole.all_models];
+    models.forEach(remember);
+    [plot.model] = whole.roots();
+    plot.lines = plot.model.renderers.filter(({ tags }) => tags?.length);
+    plot.marks = models.filter(({ tags }) => tags?.[0] === 'of');
+    fill(plot);
+    const views = await Bokeh.embed.add_document_standalone(whole, document.body, [plot.element]);
+    plot.view = views.get(plot.model);
+    if (!plot.over_time) return;
+    for (const name of ['cursor', 'chosen']) {
+      plot[name] = plot.element.appendChild(document.createElement('div'));
+      plot[name].className = name;
+      plot[name].hidden = true;
+    }
+    timed = plots.filter(({ over_time, view }) => over_time && view);
+    listen(plot);
+    plot.model.properties.inner_width.change.connect(draw_cursor);
+    fill(plot); // what was done meanwhile
+    draw_cursor();
+  })();
+  return plot.made;
+}
+
 function draw(plot) {
   plot.model.hold_render = false;
   fill(plot);
 }
 
+const idle = window.requestIdleCallback ?? setTimeout; // Safari
+
 /** Draw a plot, now if it is in sight, others when there is time. */
 function refresh(plot) {
+  if (!plot.view) return;
   if (plot.near) { draw(plot); return; }
   plot.model.hold_render = true;
   if (plot.waits) return;
   plot.waits = true;
-  (window.requestIdleCallback ?? setTimeout)(() => { plot.waits = false; draw(plot); }); // Safari
+  idle(() => { plot.waits = false; draw(plot); });
 }
 
 const sight = new IntersectionObserver((entries) => {
   for (const { target, isIntersecting } of entries) {
-    const plot = timed.find(({ element }) => element === target);
+    const plot = plots.find(({ element }) => element === target);
     plot.near = isIntersecting;
+    if (plot.near) make(plot);
     if (plot.near && plot.waits) draw(plot);
   }
 }, { rootMargin: '300px' });
@@ -157,7 +207,6 @@ function show(from, to) {
   const least = 1e-9 * (span[1] - span[0]);
   if (!(to - from > least)) return;
   [shown.from, shown.to] = [from, to];
-  timed[0]?.model.x_range.setv({ start: from, end: to });
   timed.forEach(refresh);
   draw_cursor();
 }
@@ -307,15 +356,17 @@ function toggle(button) {
   const on = hidden[kind].delete(value);
   if (!on) hidden[kind].add(value);
   button.setAttribute('aria-pressed', on);
-  timed.forEach(refresh);
+  plots.forEach(refresh);
 }
 
 /** Let one run stand out while the pointer or the focus is on its name. */
 function single_out(run) {
-  for (const plot of timed) {
-    for (const each of plot.lines) {
-      each.glyph.line_alpha = run === null || each.tags[0] === run ? 1 : 0.15;
+  for (const { lines, marks, view } of plots) {
+    if (!view) continue;
+    for (const { glyph, tags } of lines) {
+      if ('line_alpha' in glyph) glyph.line_alpha = run === null || tags[0] === run ? 1 : 0.15;
     }
+    for (const mark of marks) mark.visible = mark.tags.includes(run);
   }
 }
 
@@ -323,63 +374,66 @@ function single_out(run) {
 
 const coloured = [];
 
-function paint(night) {
-  for (const { property, light } of coloured) property.obj[property.attr] = night ? dark[light] : light;
+function paint(night, properties = coloured) {
+  for (const { property, light } of properties) {
+    property.obj[property.attr] = night ? dark[light] : light;
+  }
 }
 
 function remember(model) {
+  const found = [];
   for (const property of model) {
     const value = property.is_unset ? null : property.get_value();
     const colour = value && typeof value === 'object' && 'value' in value ? value.value : value;
-    if (typeof colour === 'string' && colour in dark) coloured.push({ property, light: colour });
+    if (typeof colour === 'string' && colour in dark) found.push({ property, light: colour });
   }
+  coloured.push(...found);
+  if (night.matches) paint(true, found);
 }
 
 const night = matchMedia('(prefers-color-scheme: dark)');
 
 function print_images() {
+  const legend = find('#legend');
+  const { open } = legend;
+  legend.open = true;
+  addEventListener('afterprint', () => { legend.open = open; }, { once: true });
   paint(false);
-  for (const { view, element } of drawn) {
+  for (const { view, element } of plots.filter((plot) => plot.view)) {
     const image = element.querySelector('.printed') || element.appendChild(new Image());
     image.className = 'printed';
     image.alt = element.getAttribute('aria-label');
+    element.style.width = `${PAPER}px`;
+    view.after_resize();
     for (const each of view.renderer_views.values()) { // Bokeh itself does this later, too late
       each.glyph?.set_visuals(each.model.data_source, each.all_indices);
     }
     image.src = view.export('png', true).canvas.toDataURL();
+    element.style.width = '';
+    view.after_resize();
   }
   paint(night.matches);
 }
 
 // ---- start ----
 
-const drawn = [];
-
 async function start() {
+  const [bokeh, data, samples] = await Promise.all(['bokeh', 'data', 'samples'].map(unpacked));
+  const told = JSON.parse(new TextDecoder().decode(data));
+  ({ runs, span, dark } = told);
+  const columns = columns_of(told.columns, samples);
+  for (const run of runs) {
+    for (const [name, at] of Object.entries(run.columns)) run.columns[name] = columns[at];
+  }
+  [shown.from, shown.to] = span;
+  const script = document.createElement('script');
+  script.textContent = new TextDecoder().decode(bokeh);
+  document.head.append(script);
   Bokeh.logger.set_level('error');
-  const whole = Bokeh.require('document').Document.from_json(described);
-  for (const model of whole._all_models?.values() ?? whole.all_models) remember(model);
-  paint(night.matches);
-  const elements = over_time.map((each, i) => find(`#plot-${i} .canvas`));
-  const views = await Bokeh.embed.add_document_standalone(whole, document.body, elements);
-  over_time.forEach((each, i) => {
-    const model = whole.roots()[i];
-    const view = views.get(model);
-    const element = elements[i];
-    const plot = { model, view, element, outside: find(`#plot-${i} .outside`) };
-    drawn.push(plot);
-    if (!each) return;
-    plot.lines = model.renderers.filter(({ tags }) => tags?.length);
-    for (const name of ['cursor', 'chosen']) {
-      plot[name] = element.appendChild(document.createElement('div'));
-      plot[name].className = name;
-      plot[name].hidden = true;
-    }
-    timed.push(plot);
-    listen(plot);
-    sight.observe(element);
+  told.plots.forEach((described, i) => {
+    const element = find(`#plot-${i} .canvas`);
+    plots.push({ described, over_time: told.timed[i], element, outside: find(`#plot-${i} .outside`) });
   });
-  show(...span);
   every('[data-do]').forEach((button) => button.addEventListener('click', ACTIONS[button.dataset.do]));
   every('.toggle').forEach((button) => button.addEventListener('click', () => toggle(button)));
   every('#values tbody tr').forEach((row) => {
@@ -397,9 +451,16 @@ async function start() {
   });
   if (matchMedia('(max-width: 60rem)').matches) find('#legend').open = false;
   night.addEventListener('change', () => paint(night.matches));
-  addEventListener('resize', draw_cursor);
   addEventListener('beforeprint', print_images);
+  for (const plot of plots) sight.observe(plot.element); // makes those in sight at once
+  for (const plot of plots) {
+    await new Promise((done) => setTimeout(done)); // the page answers meanwhile
+    await make(plot);
+  }
   document.documentElement.dataset.ready = 'yes';
 }
 
-start();
+start().catch((error) => {
+  find('#broken').hidden = false;
+  throw error;
+});

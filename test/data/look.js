@@ -30,7 +30,7 @@ function covered(element) {
 }
 async function look() {
   const found = {};
-  for (let k = 0; k < 200 && !document.documentElement.dataset.ready; k++) {
+  for (let k = 0; k < 200 && document.documentElement.dataset.ready !== 'yes'; k++) {
     await new Promise((done) => setTimeout(done, 50));
   }
   found.ready = document.documentElement.dataset.ready;
@@ -54,6 +54,10 @@ async function look() {
   find('[data-column=reference].toggle').click();
   timed.forEach(fill);
   found.hidden = timed[0].lines.filter((each) => each.tags[1] === 'reference' && !each.visible).length;
+  print_images();
+  const printed = every('.printed');
+  await Promise.all(printed.map((each) => each.decode()));
+  found.printed = printed.map((each) => each.naturalWidth / devicePixelRatio);
   found.dark = timed[0].model.background_fill_color;
   every('details').forEach((each) => { each.open = true; });
   const texts = every('h1, h2, h3, p, td, th, button, a, summary, figcaption, label, select, output')
