@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from base64 import b64decode
 from collections.abc import Mapping, Sequence
-import gzip
 from math import cos, nan, sin
 from pathlib import Path
 import random
-import re
 from typing import Any
 
 import attrs
@@ -63,13 +60,6 @@ def describe(folder: Path, namespace: str, **settings: Any) -> None:
     append_parameters(folder, None, f'{namespace}/controller', values)
     plant = {'plant': 'paper', 'noise_variance': 1e-6, 'seed': 2**63 - 1}
     append_parameters(folder, None, f'{namespace}/plant', plant)
-
-
-def unpacked(page: str, name: str) -> bytes:
-    """Return what a page has under gzip in base 64."""
-    found = re.search(f'id="{name}">(.*?)</script>', page, re.DOTALL)
-    assert found
-    return gzip.decompress(b64decode(found[1]))
 
 
 NOTHING = dict.fromkeys(SIGNALS[3:], nan)

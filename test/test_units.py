@@ -14,8 +14,9 @@ from nadrc_ros.records.read_run import read_runs
 from nadrc_ros.report.page import page
 from nadrc_ros.scenario import dump, loads
 from nadrc_ros.scenario.units import Units
+from page_helpers import unpacked
 import pytest
-from report_helpers import describe, record, unpacked
+from report_helpers import describe, record
 
 SCENARIO = 'plant: paper\nreference: cosine\ncontrollers: {mine: {}}\n'
 

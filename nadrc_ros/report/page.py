@@ -114,7 +114,7 @@ def page(runs: Mapping[str, RecordedRun]) -> str:
         origin=tables.origin(runs),
         roles=roles,
         style=Markup(_text('report.css')),
-        script=Markup(_text('report.js')),
+        scripts=[Markup(_text(f'{name}.js')) for name in ('samples', 'report')],
         packed={'bokeh': _bokeh(), **_data(plots, traces, plotter.span)},
     )  # fmt: skip
 
