@@ -35,7 +35,9 @@ setup(
     maintainer_email='maintainers@users.noreply.example.org',
     python_requires='>=3.10',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'report/*.js', 'report/report.*', 'live/static/*', 'export/templates/*']},
+    package_data={
+        NAME: ['py.typed', 'report/*.js', 'report/report.*', 'live/static/*', 'export/templates/*']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
