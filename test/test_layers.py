@@ -137,6 +137,8 @@ def test_numba_is_named_where_it_compiles_only() -> None:
     assert using == {
         PACKAGE / 'simulation' / f'{name}.py' for name in ('compiled', 'compiled_law')
     }
+    using = {path for path in PACKAGE.rglob('*.py') if 'llvmlite' in tops(path)}
+    assert using == {PACKAGE / 'simulation' / 'lowering.py'}
 
 
 def modules_after(code: str) -> set[str]:

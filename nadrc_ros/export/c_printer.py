@@ -9,13 +9,8 @@ from ctypes import c_float
 from math import isinf, isnan
 from typing import NamedTuple
 
-# Functions that a statement may call: what they give.
-_FUNCTIONS = {
-    **dict.fromkeys(('exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign'), 'float'),
-    **dict.fromkeys(('isfinite', 'isnan', 'bool'), 'bool'),
-    'int': 'int',
-    'float': 'float',
-}
+from nadrc_ros.adrc.specialise.kinds import Kinds, widest
+
 # Those that C has for each kind of number, with the ending f for float.
 _OF_MATH = {'exp', 'expm1', 'sqrt', 'sin', 'log', 'floor', 'copysign', 'fabs', 'pow'}
 _OPERATORS: dict[type, str] = {
@@ -82,16 +77,15 @@ class Printer:
         self.real = real
         self.known: dict[str, Printed] = {}
         self._integers, self._types = frozenset(integers), types
-        self._kinds: dict[str, str] = {}
         self._stores: Counter[str] = Counter()
         self._known_uses: dict[int, frozenset[str]] = {}
 
     def body(self, statements: Sequence[ast.stmt], parameters: Mapping[str, str]) -> str:
         """Return the statements of a function, whose ``parameters`` have kinds by name."""
-        self._kinds, self._known_uses = dict(parameters), {}
+        self._known_uses = {}
         self._stores = Counter(name.id for name in _names(statements, ast.Store))
-        while self._learn(statements):
-            pass
+        kinds = Kinds(statements, parameters, lambda name: self.known[name].gives, self._entry)
+        self._kinds, self._kind = kinds.names, kinds.of
         return '\n'.join(self._block(statements, 1, set(parameters)))
 
     def type_of(self, kind: str) -> str:
@@ -113,25 +107,6 @@ class Printer:
         return f'{digits or "0"}p{exponent}' + ('F' if self.real == 'float' else '')
 
     # ---- statements
-
-    def _learn(self, statements: Sequence[ast.stmt]) -> bool:
-        """Find the kinds of names from what they are given; tell whether one was new."""
-        found: dict[str, str] = {}
-        for statement in _every(statements):
-            match statement:
-                case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Call(func=called)):
-                    pairs = zip(names, self.known[called.id].gives)  # type: ignore[attr-defined]
-                case ast.Assign(targets=targets, value=value):
-                    kind = self._kind(value)
-                    pairs = zip(targets, [kind] * len(targets))
-                case _:
-                    continue
-            for target, kind in pairs:
-                if isinstance(target, ast.Name) and self._kinds.get(target.id) != 'float':
-                    found[target.id] = _widest(kind, found.get(target.id, kind))
-        new = {name: kind for name, kind in found.items() if self._kinds.get(name) != kind}
-        self._kinds.update(new)
-        return bool(new)
 
     def _block(self, statements: Sequence[ast.stmt], depth: int, known: set[str]) -> list[str]:
         """Print a block; a name is declared in the innermost one that has all its uses."""
@@ -228,32 +203,16 @@ class Printer:
 
     # ---- expressions
 
-    def _kind(self, node: ast.expr) -> str:
-        """Return ``float`` or ``int``, empty while that is not known."""
+    def _entry(self, node: ast.expr) -> str:
+        """Return the kind of what is read from a place in memory."""
         match node:
-            case ast.Constant(value=value):
-                return type(value).__name__
-            case ast.Name(id=name):
-                return 'float' if name in ('nan', 'inf') else self._kinds.get(name, '')
             case ast.Attribute(attr=name):
                 return 'int' if name in self._integers else 'float'
+            case ast.Subscript(value=ast.Attribute() as value):
+                return self._entry(value)
             case ast.Subscript(value=value):
-                if isinstance(value, ast.Attribute):
-                    return self._kind(value)
                 return 'int' if c_name(_base(value)) in self._integers else 'float'
-            case ast.BinOp(op=ast.Div() | ast.Pow()):
-                return 'float'
-            case ast.BinOp(left=left, right=right):
-                return _widest(self._kind(left), self._kind(right)).replace('bool', 'int')
-            case ast.IfExp(body=left, orelse=right):
-                return _widest(self._kind(left), self._kind(right))
-            case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-                return self._kind(operand)
-            case ast.Call(func=ast.Name(id=name), args=arguments):
-                if name in ('abs', 'min', 'max'):
-                    return _widest(*map(self._kind, arguments))
-                return _FUNCTIONS[name] if name in _FUNCTIONS else self.known[name].gives[0]
-        return 'bool'
+        return 'float'
 
     def _as(self, node: ast.expr, kind: str) -> str:
         """Return an expression where one of this kind is wanted."""
@@ -316,7 +275,7 @@ class Printer:
     def _compare(self, values: Sequence[ast.expr], ops: Sequence[ast.cmpop]) -> str:
         pairs = []
         for op, left, right in zip(ops, values, values[1:]):
-            kind = _widest(self._kind(left), self._kind(right))
+            kind = widest(self._kind(left), self._kind(right))
             pairs.append(
                 f'{self._part(left, kind)} {_OPERATORS[type(op)]} {self._part(right, kind)}'
             )
@@ -331,7 +290,7 @@ class Printer:
             return self._as(arguments[0], 'float')
         if name == 'int':
             return f'(int){self._part(arguments[0])}'
-        kind = _widest(*map(self._kind, arguments))
+        kind = widest(*map(self._kind, arguments))
         if name in ('min', 'max'):
             whole, *others = (self._part(each, kind) for each in arguments)
             sign = '<' if name == 'min' else '>'
@@ -346,11 +305,6 @@ class Printer:
         parts = ', '.join(self._as(each, kind) if kind else self.text(each) for each in arguments)
         ending = 'f' if name in _OF_MATH and self.real == 'float' else ''
         return f'{name}{ending}({parts})'
-
-
-def _widest(*kinds: str) -> str:
-    """Return the kind that holds all; empty while one that may matter is not known."""
-    return next(kind for kind in ('float', '', 'int', 'bool') if kind in kinds)
 
 
 def c_name(name: str) -> str:

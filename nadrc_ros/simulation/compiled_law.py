@@ -8,16 +8,18 @@ shape once for all loops.
 from __future__ import annotations
 
 from hashlib import sha256
+from inspect import getsource, Parameter, Signature, signature
 from typing import Any
 from warnings import filterwarnings
 
 from nadrc_ros.adrc.design import Design
+from nadrc_ros.adrc.specialise import kinds
 from nadrc_ros.adrc.specialise.program import shape_of
 from nadrc_ros.adrc.specialise.python import defined
-from nadrc_ros.simulation import period
+from nadrc_ros.simulation import lowering, period
 from nadrc_ros.simulation.flat import sources
 import numba
-from numba import carray, NumbaExperimentalFeatureWarning, types
+from numba import NumbaExperimentalFeatureWarning, types
 from numba.extending import intrinsic
 
 # Functions that are arguments are such a feature.
@@ -51,23 +53,41 @@ class _Law(dict[str, Any]):
         self._design = design
 
     def __missing__(self, name: str) -> Any:
-        code, scope = sources(self._design, [getattr(period, name)])
-        scope['carray'] = carray
-        text = repr(sorted(code.items())) + repr(shape_of(self._design))
-        digest = sha256(text.encode()).hexdigest()[:16]
-        for each, source in code.items():
-            # As if from this file: what is kept on disk lies beside a file that there is. The name
-            # is that of the symbol, also of a function that another one on disk brings along: of
-            # two of one name the linker takes the first, which may be that of another shape.
-            function = defined(each, source, scope, __file__)
-            function.__qualname__ = f'{each}_{digest}'
-            function.__module__ = __name__
-            if each != name:
-                scope[each] = numba.njit(error_model='numpy')(function)
-        function = scope[name]
-        options = {'cache': True, 'error_model': 'numpy'}
-        self[name] = made = numba.cfunc(_SIGNATURES[name], nopython=True, **options)(function)
+        made_of = getattr(period, name)
+        code, scope = sources(self._design, [made_of])
+        parts = *code.values(), repr(shape_of(self._design)), *map(getsource, (kinds, lowering))
+        digest = sha256(repr(parts).encode()).hexdigest()[:16]
+        arguments = signature(made_of).replace(return_annotation=None)
+        # As if from this file: what is kept on disk lies beside a file that there is. The name
+        # is that of the symbol, also of a function that another one on disk brings along: of
+        # two of one name the linker takes the first, which may be that of another shape.
+        names = ', '.join(arguments.parameters)
+        law = _lowered('\n'.join(code.values()), scope, name, digest, arguments)
+        function = defined(name, f'def {name}({names}): law({names})', {'law': law}, __file__)
+        function.__qualname__ = f'{name}_{digest}'
+        function.__module__ = __name__
+        self[name] = made = numba.cfunc(_SIGNATURES[name], nopython=True, cache=True)(function)
         return made
+
+
+def _lowered(
+    source: str, scope: dict[str, Any], name: str, digest: str, arguments: Signature
+) -> Any:
+    """Return what numba takes for a function, whose code is that of a source."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        lowering.lower(builder.module, source, scope, f'_{digest}')
+        builder.call(builder.module.globals[f'{name}_{digest}'], values)
+        return context.get_dummy_value()
+
+    def law(context: Any, *given: Any) -> Any:
+        return types.void(*given), codegen
+
+    context = Parameter('context', Parameter.POSITIONAL_OR_KEYWORD)
+    law.__signature__ = arguments.replace(  # type: ignore[attr-defined]
+        parameters=[context, *arguments.parameters.values()]
+    )
+    return intrinsic(law)
 
 
 _LAWS: dict[Any, _Law] = {}

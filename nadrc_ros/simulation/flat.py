@@ -1,9 +1,9 @@
 """
-The law for one shape of design, compiled by numba: designs and states are one array each.
+The law for one shape of design, to be compiled: designs and states are one array each.
 
 Entries of one array at places that are known are what a compiler likes best: beside tuples of
-arrays a step takes a tenth of the time, and a quarter of the time to compile. All shapes have the
-same types, so that a loop that calls them is compiled once for all.
+arrays a step takes a tenth of the time. All shapes have the same types, so that a loop that calls
+them is compiled once for all.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.reference import blank_memory
 from nadrc_ros.adrc.specialise.program import Program, SHAPE
 from nadrc_ros.adrc.specialise.python import SCOPE, text
-from nadrc_ros.adrc.specialise.values import Function, load, Record, Row
+from nadrc_ros.adrc.specialise.values import Code, Function, load, Record
 from nadrc_ros.adrc.state import blank_state, State
 from nadrc_ros.simulation import period
 import numpy as np
@@ -35,7 +35,6 @@ ROLLED = frozenset((law._refuse, internal_model.place_known, period.estimate_der
 # compile than all else.
 LEFT = frozenset((law._restart, tick._take_over, state.start, transfer.adopt_reference))
 FUNCTIONS = period.regular_period, period.period, period.realise, period.estimate_derivatives
-ENTRIES = frozenset(function.__name__ for function in FUNCTIONS)
 
 
 @attrs.frozen
@@ -109,7 +108,7 @@ def _leave() -> list[ast.stmt]:
 
 
 def _source(function: Function, layouts: dict[Any, dict[str, Field]]) -> str:
-    """Return the code of a function: those that loops call are given addresses."""
+    """Return the code of a function, annotated with the kinds of what it is given and gives."""
     things = {
         name: layouts[value.cls]
         for name, value in function.parameters.items()
@@ -117,17 +116,12 @@ def _source(function: Function, layouts: dict[Any, dict[str, Field]]) -> str:
     }
     flattened = _Flattened(things)
     body = [flattened.visit(statement) for statement in function.body] or [ast.Pass()]
-    head = f'def {function.name}({", ".join(function.parameters)}):'
-    arrays = []
-    if function.name in ENTRIES:
-        for name, value in function.parameters.items():
-            size = len(value.cells) if isinstance(value, Row) else getattr(value, 'size', 0)
-            if name in things:
-                last = list(things[name].values())[-1]
-                size = last.begin + prod(last.shape)
-            if size:
-                arrays.append(f'    {name} = carray({name}, {size})')
-    return '\n'.join([head, *arrays, *text(body, 1)])
+    parameters = ', '.join(
+        f'{name}: {value.kind if isinstance(value, Code) else "Vector"}'
+        for name, value in function.parameters.items()
+    )
+    gives = ''.join(f'{kind}, ' for kind in function.gives if kind != 'None')
+    return '\n'.join([f'def {function.name}({parameters}) -> ({gives}):', *text(body, 1)])
 
 
 class _Flattened(ast.NodeTransformer):
