@@ -22,7 +22,7 @@ class Kinds:
     ----------
     statements
         The body of the function.
-    parameters
+    given
         The kinds of what it is given, by name.
     gives
         The kinds of what functions give that it may call, by their names.
@@ -39,11 +39,11 @@ class Kinds:
     def __init__(
         self,
         statements: Sequence[ast.stmt],
-        parameters: Mapping[str, str],
+        given: Mapping[str, str],
         gives: Callable[[str], Sequence[str]],
         entry: Callable[[ast.expr], str],
     ) -> None:
-        self.names = dict(parameters)
+        self.names = dict(given)
         self._gives, self._entry = gives, entry
         while self._learn(statements):
             pass
