@@ -116,6 +116,6 @@ setup(
     },
     entry_points={
         'console_scripts': [f'{PREFIX}{node} = {NAME}.nodes.executables:{node}' for node in NODES]
-        + [f'nadrc = {NAME}.cli.__main__:main'],
+        + [f'nadrc = {NAME}.cli.__main__:main', f'{PREFIX}live = {NAME}.cli.__main__:live'],
     },
 )

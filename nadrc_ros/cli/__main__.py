@@ -10,8 +10,16 @@ from nadrc_ros.cli import interrupted
 _PLAIN = {'\N{MINUS SIGN}': '-', '\N{MULTIPLICATION SIGN}': 'x', '\N{DEGREE SIGN}': 'deg'}
 
 
-def main() -> None:
-    """Run the command line."""
+def live() -> None:
+    """Run `nadrc live` as `ros2 run` does, with what is for ROS behind it."""
+    import sys
+
+    words = sys.argv[1:]
+    main(['live', *(words[: words.index('--ros-args')] if '--ros-args' in words else words)])
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run the command line, that of the process or another one."""
     import codecs
     import os
     import sys
@@ -26,7 +34,7 @@ def main() -> None:
     try:
         from nadrc_ros.cli.app import app
 
-        app(prog_name='nadrc')
+        app(words, prog_name='nadrc')
     except (Exception, KeyboardInterrupt) as error:  # while the modules were being imported
         if interrupted(error):
             sys.exit(130)

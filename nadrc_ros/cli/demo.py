@@ -1,5 +1,7 @@
 """`nadrc demo`: a scenario as real processes on the ROS graph."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TYPE_CHECKING
 
@@ -30,6 +32,10 @@ def demo(
     keep_open: Annotated[
         bool, typer.Option(help='Leave the nodes running at the end, until Ctrl-C.')
     ] = False,
+    live: Annotated[
+        bool,
+        typer.Option(help='Serve a page of each loop, see `nadrc live`; implies --keep-open.'),
+    ] = False,
     out: Annotated[Path, typer.Option(help='Folder for table, picture and runs.')] = Path(
         'out/demo'
     ),
@@ -43,6 +49,10 @@ def demo(
     Example: nadrc demo --duration 5, or nadrc demo paper --lockstep.
     """
     options.check_outputs(out=out)
+    if live and lockstep:
+        raise typer.BadParameter(
+            'not with --lockstep, which waits for nobody', param_hint='--live'
+        )
     with reporting(file):
         from nadrc_ros.scenario import find_scenario, load
 
@@ -73,7 +83,8 @@ def demo(
         if lockstep:
             runs = _in_lockstep(scenario, out)
         else:
-            runs = _in_real_time(scenario, out, keep_open)
+            with _pages(list(scenario.controllers) if live else []):
+                runs = _in_real_time(scenario, out, keep_open or live)
         recorded = {name: _recorded(scenario, name, run.folder) for name, run in runs.items()}
         for name, run in recorded.items():
             # In lockstep the event comes when it comes: the rows know better when it was.
@@ -107,6 +118,32 @@ def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str
             tell(now, f'ITAE {shown}' if shown else '')
 
         return run_realtime(scenario, out, show, _wait_for_ctrl_c if keep_open else None)
+
+
+@contextmanager
+def _pages(loops: list[str]) -> Iterator[None]:
+    """Serve a page for each of the loops, in a process of its own that prints the address."""
+    import signal
+    import subprocess
+    import sys
+
+    command = [sys.executable, '-m', 'nadrc_ros.cli', 'live', '--port', '0']
+    pages = [
+        subprocess.Popen(
+            [*command, f'/{name}/controller'], stdin=subprocess.DEVNULL, start_new_session=True
+        )
+        for name in loops
+    ]
+    try:
+        yield
+    finally:
+        for page in pages:
+            page.send_signal(signal.SIGINT)
+        for page in pages:
+            try:
+                page.wait(5.0)
+            except subprocess.TimeoutExpired:
+                page.kill()
 
 
 def _wait_for_ctrl_c() -> None:

@@ -11,6 +11,7 @@ from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST, LOWEST
 from nadrc_ros.live.monitor import Monitor, Report
 from nadrc_ros.live.outbox import Message
+from nadrc_ros.live.plant_faults import listed
 from nadrc_ros.nodes.loop_settings import LoopSettings
 from nadrc_ros.ros.pacing import PacingSettings
 from nadrc_ros.ros.wiring_parameters import wiring_fields
@@ -21,6 +22,7 @@ PROTOCOL = 1
 _ROLES = {
     'reference': ('reference', 'reference r'),
     'measurement': ('measurement', 'measurement y'),
+    'tracking': ('tracking', 'reference that is followed'),
     'output_estimate': ('output_estimate', 'estimate of the output'),
     'command': ('command', 'command u'),
     'disturbance_estimate': ('disturbance', 'estimated total disturbance'),
@@ -46,6 +48,7 @@ _LEVELS = ('ok', 'warn', 'error', 'stale')
 
 def hello(monitor: Monitor) -> Message:
     """Return the description of a loop, without what differs between pages."""
+    simulated, plant = monitor.simulated, monitor.parameters(monitor.plant)
     values = monitor.parameters(monitor.controller)
     settings = monitor.controller_settings()
     units, order = units_of(monitor), settings.plant_order if settings else 0
@@ -54,7 +57,7 @@ def hello(monitor: Monitor) -> Message:
         'type': 'hello',
         'protocol': PROTOCOL,
         'node': monitor.controller if values else None,
-        'plant': monitor.plant if monitor.simulated else None,
+        'plant': monitor.plant if simulated else None,
         'began': monitor.began.isoformat(),
         't': monitor.now(),
         'signals': [_signal(name, units, order) for name in monitor.signals],
@@ -64,8 +67,9 @@ def hello(monitor: Monitor) -> Message:
             'high': _limit(values.get('command_max'), HIGHEST),
         },
         'read_only': monitor.settings.read_only,
-        'simulated': monitor.simulated,
-        'hold_to_run': not monitor.simulated,
+        'simulated': simulated,
+        'hold_to_run': not simulated,
+        'faults': listed(plant) if simulated and not monitor.settings.read_only else [],
         'rate': rate if isinstance(rate, float) else None,
     }
 

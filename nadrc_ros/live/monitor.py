@@ -15,9 +15,10 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared, flag, text
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.live.blocks import GAP, Ring, thin, THINNED
-from nadrc_ros.live.peer import ControllerPeer, Peer
+from nadrc_ros.live.blocks import Array, GAP, Ring, thin, THINNED
+from nadrc_ros.live.peer import ControllerPeer, Peer, RecorderPeer
 from nadrc_ros.nodes.recorder_intake import Intake
+from nadrc_ros.records.history import History
 from nadrc_ros.records.recording import NEEDED, topic_of, TRUTH
 from nadrc_ros.records.rows import Row
 from nadrc_ros.records.spacing import Spacing
@@ -38,7 +39,10 @@ _HEAR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 KEPT, MOST_ROWS = 300.0, 400_000
 # A plot shows no more bins than that of one block.
 _BINS = 50
-_FIRST = ('reference', 'measurement', 'output_estimate', 'command', 'disturbance_estimate')
+_FIRST = (
+    *('reference', 'measurement', 'tracking', 'output_estimate', 'command'),
+    'disturbance_estimate',
+)
 # Kinds of messages, and what is in them.
 Post = Callable[[str, dict[str, Any]], None]
 
@@ -102,10 +106,13 @@ class Monitor(LiveNode):
         )
         self.peer = None if self.settings.read_only else ControllerPeer(self, self.controller)
         self._asked = Peer(self, self.controller)
+        self.recording = RecorderPeer(self, self.recorder)
         self.plant_peer: Peer | None = None
         self.descriptors: dict[str, Any] = {}
         self.reports: dict[str, Report] = {}
         self._undescribed, self._asked_at = False, 0.0
+        self._known: dict[str, dict[str, Any]] = {}
+        self._gain = 0.0
         self._listen(names_for(None))
         self.began = datetime.now(timezone.utc)
         self._zero = self.intake.now()
@@ -142,7 +149,7 @@ class Monitor(LiveNode):
 
     def parameters(self, node: str) -> dict[str, Any]:
         """Return the parameters of a node, as far as it told them."""
-        return dict(self._watch.known.get(node, {}))
+        return dict(self._known.get(node, {}))
 
     @property
     def simulated(self) -> bool:
@@ -158,8 +165,12 @@ class Monitor(LiveNode):
     def _on_block(self) -> None:
         self.intake.begin_without_command()
         _, rows = self.intake.close()
-        for moment, kind, message in self.intake.happened():
-            self.post('event', {'t': self.at(moment), 'node': '', 'kind': kind, 'text': message})
+        for gap in self.intake.gaps():
+            begin, end = self.at(gap.time), self.at(gap.time + gap.length)
+            cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
+            text = f'no {gap.signal} for {end - begin:.4g} s: {cause}'
+            told = {'t': begin, 'node': '', 'kind': 'gap', 'text': text, 'signal': gap.signal}
+            self.post('event', told | {'from': begin, 'to': end})
         if rows:
             self._take(rows)
 
@@ -176,11 +187,34 @@ class Monitor(LiveNode):
                 self._spacing.add(span)
             self._last = t
             found.append([t, *row.values.values()])
-        block = np.array(found)
+        block = self._refer(np.array(found))
         self.ring.add(block)
         if len(block) > 2 * _BINS:
             block, flags = thin(block, _BINS), flags | THINNED
         self.post('rows', {'rows': block, 'flags': flags})
+
+    def _refer(self, rows: Array) -> Array:
+        """
+        Let the true disturbance be that for b0 of the controller, which is what it estimates.
+
+        Where that takes more than another b0, as with known poles or a dead time, it stays that
+        for the plant's own.
+        """
+        if self._gain:
+            signals = self.signals
+            command = rows[:, 1 + signals.index('command')]
+            rows[:, 1 + signals.index('total_disturbance')] += self._gain * command
+        return rows
+
+    def _refer_anew(self) -> None:
+        settings, history = self.controller_settings(), History()
+        history.take(None, self.plant, self.parameters(self.plant))
+        gain, (delay, _) = history.plant_gain(), history.plant_delay()
+        self._gain = 0.0
+        if settings is None or not gain or delay or len(settings.b0_table) > 1:
+            return
+        if not any(settings.known_poles):
+            self._gain = gain[0][1] - settings.b0
 
     # ---- the graph ----
 
@@ -199,7 +233,9 @@ class Monitor(LiveNode):
         self.post('changed', {})
 
     def _on_parameters(self, node: str, values: Mapping[str, Any], info: Info | None) -> None:
-        moment = self.intake.now() if info is None else self.intake.left(node, info)
+        before = dict(self._known.get(node, {}))
+        self._known[node] = before | dict(values)
+        self._refer_anew()
         if node == self.controller:
             settings = self.controller_settings()
             self.intake.follow(node, self.parameters(node))
@@ -213,11 +249,11 @@ class Monitor(LiveNode):
                 self.plant_peer = self.plant_peer or Peer(self, node)
             self.post('changed', {'node': node})
             return
-        self.post('parameters', {'node': node, 'values': dict(values), 't': self.at(moment)})
+        told = {'node': node, 'values': dict(values), 't': self.now()}
+        self.post('parameters', told | {'before': {n: before.get(n) for n in values}})
 
     def _on_event(self, node: str, kind: str, message: str, info: Info) -> None:
-        moment = self.intake.left('events of ' + node, info)
-        self.post('event', {'t': self.at(moment), 'node': node, 'kind': kind, 'text': message})
+        self.post('event', {'t': self.now(), 'node': node, 'kind': kind, 'text': message})
 
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
         for status in array.status:

@@ -12,7 +12,7 @@ from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 Done = Future[Any]
 _LISTS = {
@@ -82,6 +82,18 @@ class ControllerPeer(Peer):
     def stop(self) -> Done:
         """Open the loop: the controller goes to its safe command."""
         return ask(self._stop, SetBool.Request(data=False))
+
+
+class RecorderPeer(Peer):
+    """A recorder, which writes down what it has when it is asked to."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        super().__init__(node, name)
+        self._save = node.create_client(Trigger, f'{name}/save')
+
+    def save(self) -> Done:
+        """Write the summary of the run so far."""
+        return ask(self._save, Trigger.Request())
 
 
 def ask(client: Any, request: Any) -> Done:

@@ -5,17 +5,25 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from math import isfinite
+from pathlib import Path
 from typing import Any, TypeGuard
 
 from nadrc_ros.adrc.errors import one_of, UserError
+from nadrc_ros.live.changes import answered, Refused
+from nadrc_ros.live.hello import shown
 from nadrc_ros.live.outbox import Message
-from nadrc_ros.live.peer import Done, Peer
+from nadrc_ros.live.peer import Done, parameter_value
+from nadrc_ros.live.plant_faults import PlantFaults
+from nadrc_ros.live.prediction import prediction
+from nadrc_ros.live.saving import make_report, saved
 from nadrc_ros.live.session import Client, parsed, Session
 
-# A node answers within so long, or not at all [s]; what stops is asked for again and again.
-_ANSWER, _STOP_AGAIN, _STOPS = 3.0, 0.25, 8
+# What stops is asked for again and again [s].
+_STOP_AGAIN, _STOPS = 0.25, 8
 # So long a page has to send a fresh beat before what it holds may run [s].
 _FIRST_BEAT = 0.5
+# What changes nothing, not even on this machine.
+_HARMLESS = ('predict', 'save')
 # Longer ids are none.
 _LONGEST_ID = 64
 Work = Callable[[Client, Message], Awaitable[Message]]
@@ -24,15 +32,27 @@ Work = Callable[[Client, Message], Awaitable[Message]]
 class Requests:
     """Answers the requests of the pages of a session."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, reports: Path) -> None:
         self._session = session
-        self._changing = asyncio.Lock()
+        self._reports = reports
+        self._faults = PlantFaults()
+        self._newest: dict[Client, Any] = {}  # of what a page wants to have predicted
         # What any page may ask for, and what needs control.
-        self._free: dict[str, Work] = {'take_over': self._take_over}
+        self._free: dict[str, Work] = {
+            'take_over': self._take_over,
+            'predict': self._predict,
+            'save': self._save,
+            'report': self._report,
+        }
         self._bound: dict[str, Work] = {
             'apply': self._apply,
             'enable': self._enable,
             'back': self._back,
+            'pin': self._pin,
+            'unpin': self._unpin,
+            'swap': self._swap,
+            'guard': self._guard,
+            'fault': self._fault,
         }
 
     def take(self, client: Client, text: str | bytes) -> None:
@@ -54,17 +74,18 @@ class Requests:
         known = self._free | self._bound
         if what not in known:
             self._answer(client, request, False, f'no such request: {_or(what, known)}')
-        elif what != 'save' and self._session.read_only:
+        elif what not in _HARMLESS and self._session.read_only:
             self._answer(client, request, False, 'this server was started with --read-only')
         elif what in self._bound and client is not self._session.operator:
             self._answer(client, request, False, 'another page has control: take over first')
         else:
             try:
                 more = await known[what](client, request)
-                self._answer(client, request, True, more.pop('text', ''), more)
+                if more:
+                    self._answer(client, request, True, more.pop('text', ''), more)
             except (UserError, ValueError) as error:
-                more = getattr(error, 'more', {})
-                self._answer(client, request, False, str(error), more)
+                named = {'refused': error.refused} if isinstance(error, Refused) else {}
+                self._answer(client, request, False, str(error), named)
 
     def _answer(
         self,
@@ -153,76 +174,98 @@ class Requests:
         values = request.get('values')
         if not (isinstance(values, dict) and values):
             raise ValueError('values: must be an object of parameters')
-        await self.set_all(values)
+        await self._session.changes.set_all(values)
         return {'text': f'{_count(values)} applied'}
 
     async def _back(self, client: Client, request: Message) -> Message:
-        session = self._session
-        async with self._changing:
-            if request.get('to', 'previous') == 'start':
-                now = session.monitor.parameters(session.monitor.controller)
-                values = session.undo.since_start(now)
-                if not values:
-                    raise UserError('nothing is different from where you began')
-                await self._set(values)
-            else:
-                values = session.undo.previous()
-                if not values:
-                    raise UserError('there is no earlier change of a page')
-                await self._set(values, forward=False)
-                session.undo.drop()
+        changes = self._session.changes
+        start = request.get('to') == 'start'
+        values = await (changes.to_start() if start else changes.to_previous())
         return {'text': f'{_count(values)} as before', 'values': values}
 
-    async def set_all(self, values: Mapping[str, Any]) -> None:
-        """
-        Set parameters of the controller, all or none, in one request, which can be undone.
+    # ---- comparing ----
 
-        Raises
-        ------
-        UserError
-            With the reason of the controller.
+    async def _predict(self, client: Client, request: Message) -> Message:
+        """Predict for the newest values that a page asks about; older ones are left out."""
+        values = request.get('values')
+        if not isinstance(values, dict):
+            raise ValueError('values: must be an object of parameters')
+        busy = client in self._newest
+        self._newest[client] = request
+        if busy:
+            return {}
+        monitor, done = self._session.monitor, None
+        try:
+            while (newest := self._newest[client]) is not done:
+                rate = monitor.parameters(monitor.controller).get('rate')
+                found = await asyncio.to_thread(
+                    prediction, monitor.controller_settings(), newest['values'], rate
+                )
+                client.tell(found | {'id': newest.get('id')})
+                done = newest
+        finally:
+            del self._newest[client]
+        return {}
 
-        """
-        async with self._changing:
-            await self._set(values)
+    async def _pin(self, client: Client, request: Message) -> Message:
+        found = self._session.pinned.pin(request.get('from'), request.get('to'))
+        self._session.tell(self._session.pinned.comparison())
+        return found
 
-    async def _set(self, values: Mapping[str, Any], *, forward: bool = True) -> None:
-        session, monitor = self._session, self._session.monitor
-        assert monitor.peer is not None
-        now = monitor.parameters(monitor.controller)
-        types = {name: each.type for name, each in monitor.descriptors.items()}
-        session.note_applied(values)
-        answer = await answered(monitor.peer, monitor.peer.set_all(values, types))
-        if not answer.result.successful:
-            raise Refused(str(answer.result.reason), values)
-        if forward:
-            session.undo.note(values, now)
+    async def _unpin(self, client: Client, request: Message) -> Message:
+        found = self._session.pinned.unpin()
+        self._session.tell(self._session.pinned.comparison())
+        self._session.tell(self._session.pinned.told_guard())
+        return found
 
+    async def _swap(self, client: Client, request: Message) -> Message:
+        return await self._session.pinned.swap()
 
-class Refused(UserError):
-    """A controller refused values; ``more`` has the name of the one that its reason names."""
+    async def _guard(self, client: Client, request: Message) -> Message:
+        told = self._session.pinned.guard(request.get('on') is True)
+        self._session.tell(told)
+        return {'text': told['text']}
 
-    def __init__(self, reason: str, values: Mapping[str, Any]) -> None:
-        super().__init__(reason)
-        named = [name for name in values if reason.startswith(name)]
-        named += [name for name in values if name in reason]
-        self.more = {'refused': named[0] if named else None}
+    async def _fault(self, client: Client, request: Message) -> Message:
+        monitor, value = self._session.monitor, request.get('value')
+        if monitor.plant_peer is None:
+            raise UserError('faults are for a simulated plant')
+        if value is not None and not _is_finite(value):
+            raise ValueError('value: must be a number')
+        plant, on = monitor.parameters(monitor.plant), request.get('on') is True
+        values = self._faults.values(str(request.get('name')), on, value, plant)
+        if values:
+            types = {name: parameter_value(plant[name], 0).type for name in values}
+            asked = monitor.plant_peer.set_all(values, types)
+            answer = await answered(monitor.plant_peer, asked)
+            if not answer.result.successful:
+                raise Refused(str(answer.result.reason), values)
+        return {'text': f'{request["name"]}: {"on" if on else "off"}'}
 
+    # ---- what is taken along ----
 
-async def answered(peer: Peer, done: Done) -> Any:
-    """
-    Return the answer of a node.
+    async def _save(self, client: Client, request: Message) -> Message:
+        monitor = self._session.monitor
+        now = dict(shown(monitor.parameters(monitor.controller)))
+        if not now:
+            raise UserError('the parameters of the controller are not known')
+        return saved(monitor.controller, now, self._session.changes.undo.since_start(now))
 
-    Raises
-    ------
-    UserError
-        When it does not come.
-
-    """
-    try:
-        return await asyncio.wait_for(asyncio.wrap_future(done), _ANSWER)
-    except asyncio.TimeoutError:
-        raise UserError(f'{peer.name} did not answer within {_ANSWER:g} s') from None
+    async def _report(self, client: Client, request: Message) -> Message:
+        monitor = self._session.monitor
+        said = monitor.reports.get(monitor.recorder)
+        if said is None or not said.values.get('folder'):
+            raise UserError(
+                f'a report is made of what {monitor.recorder} records: it is not there'
+            )
+        folder = said.values['folder']
+        if not Path(folder).is_dir():
+            raise UserError(f'{folder} of {monitor.recorder} is not on this machine or path')
+        await answered(monitor.recording, monitor.recording.save())
+        return {
+            'text': f'report of {folder}',
+            'url': f'/report/{await make_report(folder, self._reports)}',
+        }
 
 
 def _or(what: str, known: Mapping[str, Any]) -> str:

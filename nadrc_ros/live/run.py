@@ -176,8 +176,10 @@ def _only_one() -> str:
     """Return the only controller of the graph, or a usual name if there is none yet."""
     node = Node('live_search')
     time.sleep(_SEARCH)  # the middleware finds them by itself
-    found = controllers(node)
+    found, space = controllers(node), node.get_namespace().rstrip('/')
     node.destroy_node()
+    if space:
+        return f'{space}/controller'
     if len(found) > 1:
         raise UserError(f'there are {len(found)} controllers: say which, of {", ".join(found)}')
     return found[0] if found else '/controller'

@@ -114,6 +114,17 @@ class _Report(_Static):
     is_report = True
 
 
+class _Text(_Guarded):
+    """A text that stays the same for the life of the server."""
+
+    text: str
+
+    def get(self) -> None:
+        """Send it."""
+        self.set_header('Content-Type', 'application/json')
+        self.finish(self.text)
+
+
 class _Nothing(_Guarded):
     """What there is not."""
 
@@ -175,7 +186,11 @@ def application(access: Access, session: Session, reports: Path) -> Application:
             ),
             (rf'/static/bokeh/({_NAME}\.min\.js)', _Static, known | {'folder': scripts}),
             (rf'/report/({_NAME}\.html)', _Report, known | {'folder': reports}),
-            (r'/ws', _Socket, known | {'session': session, 'requests': Requests(session)}),
+            (
+                r'/ws',
+                _Socket,
+                known | {'session': session, 'requests': Requests(session, reports)},
+            ),
         ],
         default_handler_class=_Nothing,
         default_handler_args=known,

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 import json
 from typing import Any
 
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.live.blocks import thin, THINNED
+from nadrc_ros.live.changes import Changes
 from nadrc_ros.live.hello import hello, Rate, shown, state
 from nadrc_ros.live.hold import Hold
 from nadrc_ros.live.monitor import Monitor
 from nadrc_ros.live.outbox import Full, Message, Outbox, Write
-from nadrc_ros.live.undo import Undo
+from nadrc_ros.live.pinned import Pinned
 
 # So many posts of the node wait for a server that stands still; then the oldest rows are lost.
 _POSTS = 400
-_STATE = 0.1  # [s]
+_STATE, _COMPARED = 0.1, 1.0  # [s]
 # At the start a page gets so many seconds of history, of which the last few whole.
 _HISTORY, _WHOLE, _BINS = 120.0, 10.0, 2000
 _EVENTS = 200
@@ -52,8 +54,10 @@ class Session:
         The pages that are open, the oldest first.
     operator
         The one that has control.
-    undo
-        The values of before.
+    changes
+        Those that pages made.
+    pinned
+        What is compared with.
     number
         Of the last change of parameters.
 
@@ -63,9 +67,9 @@ class Session:
         self.monitor = monitor
         self.clients: list[Client] = []
         self.operator: Client | None = None
-        self.undo = Undo()
+        self.changes = Changes(monitor)
+        self.pinned = Pinned(monitor, self.changes.set_all)
         self.number = 0
-        self._applied: Message = {}
         self._rate = Rate()
         self._posts: deque[tuple[str, Message]] = deque(maxlen=_POSTS)
         self._events: deque[Message] = deque(maxlen=_EVENTS)
@@ -74,6 +78,7 @@ class Session:
         self._loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[Any]] = set()
         self.background(self._tell_state())
+        self.background(self._compare())
         monitor.post = self._on_post
 
     def background(self, work: Any) -> None:
@@ -103,6 +108,9 @@ class Session:
         client.tell(self._hello(client))
         for event in self._events:
             client.tell(event)
+        if self.pinned.stretch is not None:
+            client.tell(self.pinned.comparison())
+        client.tell(self.pinned.told_guard())
         self._tell_history(client)
         client.tell(state(self.monitor, self._rate) | self._about(client))
         client.sending = self._loop.create_task(client.outbox.run())
@@ -167,10 +175,6 @@ class Session:
         """Disable the controller, at once; return what will have the answer."""
         return None if self.monitor.peer is None else self.monitor.peer.stop()
 
-    def note_applied(self, values: Mapping[str, Any]) -> None:
-        """Note what a page has set: its change comes back as an event."""
-        self._applied = dict(values)
-
     # ---- what the node posts, from its thread ----
 
     def _on_post(self, kind: str, content: Message) -> None:
@@ -189,6 +193,8 @@ class Session:
     def _take_rows(self, content: Message) -> None:
         for client in self.clients:
             client.outbox.add(content['rows'], content['flags'])
+        if why := self.pinned.trouble(content['rows']):
+            self.background(self._go_back(why))
 
     def _take_event(self, content: Message) -> None:
         self.tell({'type': 'event'} | content)
@@ -199,7 +205,7 @@ class Session:
 
     def _take_changed(self, content: Message) -> None:
         if values := self.monitor.parameters(self.monitor.controller):
-            self.undo.begin(values)
+            self.changes.undo.begin(values)
         others, self._signals = self._signals != self.monitor.signals, self.monitor.signals
         for client in list(self.clients):
             if others:
@@ -218,7 +224,9 @@ class Session:
         if not values:
             return
         self.number += 1
-        ours = all(self._applied.get(name) == value for name, value in values.items())
+        before = {name: value for name, value in content['before'].items() if name in values}
+        self.pinned.note_change(content['t'], before)
+        ours = all(self.changes.applied.get(name) == value for name, value in values.items())
         self.tell(
             {
                 'type': 'parameters',
@@ -254,6 +262,26 @@ class Session:
         if len(new):
             thinned = thin(new, _BINS)
             client.outbox.add(thinned, THINNED if len(thinned) < len(new) else 0)
+
+    async def _go_back(self, why: str) -> None:
+        """Go back to the pinned parameters, and say why."""
+        try:
+            await self.pinned.restore()
+            self.event('guard', f'{why}: back to the pinned parameters')
+        except UserError as error:
+            self.event('guard', f'{why}, but not back to the pinned parameters: {error}')
+        self.tell(self.pinned.told_guard())
+
+    async def _compare(self) -> None:
+        told: Message = {}
+        while True:
+            await asyncio.sleep(_COMPARED)
+            if self.pinned.stretch is None or not self.clients:
+                continue
+            found = await asyncio.to_thread(self.pinned.comparison)
+            if found != told:
+                told = found
+                self.tell(found)
 
     async def _tell_state(self) -> None:
         while True:

@@ -13,7 +13,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.records.recording import JOINED, NEEDED, STAMPED
-from nadrc_ros.records.rows import Row, Rows
+from nadrc_ros.records.rows import Gap, Row, Rows
 from nadrc_ros.ros.diagnostics import OK, WARN
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.stamps import Departures, Losses, Offset
@@ -209,13 +209,20 @@ class Intake:
     def happened(self) -> list[tuple[int, str, str]]:
         """Return time [ns], kind and text of gaps and clock jumps since that was asked for."""
         found, self._jumps = self._jumps, []
-        gaps, self._rows.gaps = self._rows.gaps, []
-        for gap in gaps:
-            if gap.signal in _REGULAR and self.since_begin(gap.time) is not None:
-                cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
-                text = f'no {gap.signal} for {gap.length / _SECOND:.4g} s: {cause}'
-                found.append((gap.time, 'gap', text))
+        for gap in self.gaps():
+            cause = f'{gap.lost} samples were lost' if gap.lost else 'nothing was sent'
+            text = f'no {gap.signal} for {gap.length / _SECOND:.4g} s: {cause}'
+            found.append((gap.time, 'gap', text))
         return found
+
+    def gaps(self) -> list[Gap]:
+        """Return the gaps of what should come regularly, since that was asked for."""
+        found, self._rows.gaps = self._rows.gaps, []
+        return [
+            gap
+            for gap in found
+            if gap.signal in _REGULAR and self.since_begin(gap.time) is not None
+        ]
 
     def end(self) -> list[Row]:
         """Return the rows that are left, and take no more samples."""
