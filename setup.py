@@ -79,6 +79,8 @@ setup(
         'mujoco': MUJOCO,
         'tune': TUNE,
         'test': [
+            'axe-playwright-python',
+            'playwright',
             'pytest',
             'pytest-xdist',
             'hypothesis',

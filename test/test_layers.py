@@ -28,7 +28,8 @@ ARROWS = {
     'nodes': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'wiring'},
     'demo': {'adrc', 'simulation', 'scenario', 'records', 'ros', 'nodes'},
     'live': {
-        *('adrc', 'simulation', 'scenario', 'records', 'tuning', 'theory', 'ros', 'nodes'),
+        *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'theory', 'ros'),
+        'nodes',
     },
     'testing': {'adrc', 'simulation', 'scenario', 'records', 'report', 'ros', 'nodes', 'demo'},
     'cli': {

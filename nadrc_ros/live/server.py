@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from nadrc_ros.live.access import Access
+from nadrc_ros.live.figures import plots
 from nadrc_ros.live.requests import Requests
 from nadrc_ros.live.session import Client, Session
 from tornado.web import Application, RequestHandler
@@ -185,6 +186,7 @@ def application(access: Access, session: Session, reports: Path) -> Application:
                 known | {'folder': files('nadrc_ros.live') / 'static'},
             ),
             (rf'/static/bokeh/({_NAME}\.min\.js)', _Static, known | {'folder': scripts}),
+            (r'/plots\.json', _Text, known | {'text': plots()}),
             (rf'/report/({_NAME}\.html)', _Report, known | {'folder': reports}),
             (
                 r'/ws',
