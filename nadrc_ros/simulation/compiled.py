@@ -62,13 +62,15 @@ def compiled_loop(
     references: Any,
     disturbances: Any,
     states: int,
+    late: bool = False,
     estimating: bool = False,
     cascade: bool = False,
 ) -> Callable[..., Any]:
     """
     Return the loop for these methods; it is compiled, or read from disk, at its first call.
 
-    With an ``outer`` that is not None it is a cascade of two loops, which is compiled apart.
+    With an ``outer`` that is not None it is a cascade of two loops, with a ``dead_time`` the plant
+    gets its command late: both are compiled apart, as is what estimates derivatives.
     """
     methods = derivative, output, references, disturbances
     for function in (*methods, *_CALLED):
@@ -96,8 +98,6 @@ def compiled_loop(
         rate, own_rate, substeps, b0, known, estimates, tracking, wrap_min, wrap_max = constants
         command_min, command_max, reference_min, reference_max, wrap, levels = limits
         lowest, highest = reference_min, reference_max
-        whole, rest = dead_time
-        late = sent.shape[1] > 0
         k, stop, noise_start = begin
         acc, remainders, counts = unowned(sums)
         rows = unowned(rows)
@@ -178,7 +178,8 @@ def compiled_loop(
             u = gives[period.COMMAND]
             disturbances(disturbance, t, w)
             reached = acting = later = u
-            if late:
+            if dead_time is not None:
+                whole, rest = dead_time
                 reached, acting, later = reach(sent, whole, rest, k, u, u)
             truth = total_disturbance(derivative, plant, b0, t, x, acting, w[0], work[0])
             if acting != reached:
@@ -186,7 +187,7 @@ def compiled_loop(
             truth += (b0 - gives[period.B0]) * reached
             if shares.order > 0:
                 truth += damping(shares, x, below)
-            if late:
+            if dead_time is not None:
                 since, span, source = t, h, x
                 if rest > 0.0:
                     parts = t, x, acting, rest, substeps, work, w, x_middle, states
@@ -249,7 +250,7 @@ def compiled_loop(
             copy_vector(memory_before, memory)
         return k, (k - first) % 2
 
-    variant = f'{states}_{estimating}_{cascade}'
+    variant = f'{states}_{late}_{estimating}_{cascade}'
     known = _named_by_source(loop, (*methods, *_CALLED, period.period), variant)
     fast: Callable[..., Any] = numba.njit(nogil=True, cache=known)(loop)
     return fast

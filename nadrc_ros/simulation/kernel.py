@@ -49,7 +49,8 @@ class Kernel:
             *(type(signal).derivatives for signal in signals),
         )
         self.states = plant.states
-        self.compiled = compiled_loop(*self.methods, plant.states)
+        self.late = experiment.input_delay > 0.0
+        self.compiled = compiled_loop(*self.methods, plant.states, self.late)
 
     def __call__(self, loop: Loop, stop: int, rows: Array) -> bool:
         """Advance ``loop`` as :data:`~nadrc_ros.simulation.loop.Kernel` says."""
@@ -104,7 +105,7 @@ class Kernel:
                     *(sensor.wrap_min, sensor.wrap_max),
                 ),
                 own.limits,
-                (dead_time.whole, dead_time.rest),
+                (dead_time.whole, dead_time.rest) if self.late else None,
                 (plant_run.k, stop, loop.noise_start),
                 (acc, remainders, own.counts),
                 rows,
@@ -127,7 +128,7 @@ class Kernel:
         """Return the loop for what else there is: numba would take each for a type of one."""
         if not (estimating or cascade):
             return self.compiled
-        return compiled_loop(*self.methods, self.states, estimating, cascade)
+        return compiled_loop(*self.methods, self.states, self.late, estimating, cascade)
 
     def _cascade_believed(self, experiment: Experiment) -> bool:
         """Compare the first periods of a cascade with plain Python, once for these methods."""
@@ -198,7 +199,7 @@ def kernel_for(experiment: Experiment, say: Callable[[str], None] | None = None)
     foreign = not all(m.__module__.startswith('nadrc_ros.') for m in kernel.methods)
     # As bytes, which tell 1 from 1.0, as numba does, and are few for a long table too.
     numbers = sha256(pickle.dumps(kernel.fields)).digest() if foreign else b''
-    verdict = _verdict(kernel.methods, numbers)
+    verdict = _verdict((*kernel.methods, kernel.late), numbers)
     if not verdict:
         verdict.append(_believed(kernel, experiment, foreign, say))
     return kernel if verdict[0] else None
