@@ -14,6 +14,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
 from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
 from nadrc_ros.nodes.cascades import make_joined
+from nadrc_ros.nodes.commission import Commission
 from nadrc_ros.nodes.doubts import Doubts
 from nadrc_ros.nodes.estimates import Estimates, loop_values
 from nadrc_ros.nodes.lease import Lease, STOPPED
@@ -31,7 +32,6 @@ from nadrc_ros.ros.parameters import ParameterGroup, written_to
 from nadrc_ros.ros.runtime import run
 from nadrc_ros.ros.topics import Info, reference_topics
 from nadrc_ros.ros.wiring_parameters import Wiring
-from std_srvs.srv import SetBool
 
 Reference = Sequence[float | None]
 # Readers of the estimates, and rivals, are looked for so often [s].
@@ -71,7 +71,7 @@ class ControllerNode(LiveNode):
         self._reference = ReferenceInput(len(references))
         self._sample: tuple[float, Info, int] | None = None
         self._overwritten = self._idle = 0
-        self._stopping = self._silent_at_stop = False
+        self._silent_at_stop = False
         self._silent = self.controller.quiet
         self.latencies = Latencies()
         self._mode_log = ModeLog(self.controller.mode, self.controller.cause)
@@ -104,11 +104,12 @@ class ControllerNode(LiveNode):
             self.checks.append(lambda: doubts.look(self._times.spacing, expected))
             taken = OutputWatch(self, self._command, self.remarks)
             self.checks.append(lambda: taken.look(self.controller.commanding))
-            self._lease = Lease(self, self._on_lease_over)
-        self.create_service(SetBool, '~/enable', self._on_enable)
+        self.add_switch('~/enable', self.enable)
         self.add_trigger('~/reset', self._reset)
         shared = self._loop.share_command or in_lockstep
         self._rivals = Rivals(self, self._command, shared=shared)
+        self._lease = Lease(self, self._on_lease_over)
+        self._commission = Commission(self, self.controller, self._rivals, self._lease)
         levels = self.controller.design.levels
         self._estimates = Estimates(self.add_output, levels, always=in_lockstep)
         self._divisor = 1 if in_lockstep else self._loop.estimate_divisor
@@ -123,7 +124,8 @@ class ControllerNode(LiveNode):
         loop, settings = self._loop, self.controller.settings
         with written_to('trace', loop.trace, 'a new file in a folder to write to') as path:
             if loop.trace:
-                self.trace = TraceWriter(path, settings, self.pacing.lockstep)
+                fail = self.get_logger().error
+                self.trace = TraceWriter(path, settings, self.pacing.lockstep, fail)
         self._set_enabled(loop.enabled_at_start)
 
     def lead(self) -> None:
@@ -138,6 +140,7 @@ class ControllerNode(LiveNode):
         settings.check_rate(self.pacing.rate)
         if running := getattr(self, 'controller', None):
             running.check_retune(settings)
+            self._commission.refuse_change()
         return settings
 
     def _retune(self, settings: ControllerSettings) -> None:
@@ -151,17 +154,17 @@ class ControllerNode(LiveNode):
 
     def enable(self, on: bool = True, why: str = '') -> tuple[bool, str]:
         """Close the loop, or open it; return whether that was possible, and what came of it."""
-        if self._stopping:
-            return False, 'the controller is being stopped'
-        if on and not self.controller.enabled and (refusal := self._rivals.refusal()):
+        refusal = self._commission.busy or self._rivals.refusal()
+        if on and not self.controller.enabled and refusal:
             return False, refusal
+        self._commission.end('it was disabled')
         self._rivals.settle(on)
         said = 'enabled' if on else 'disabled'
         if on == self.controller.enabled:
             said = 'already ' + said
         else:
             self.events.tell('enable', f'{said}: {why}' if why else said)
-        if on and self.lockstep is None:
+        if on:
             said += self._lease.said()
             self.remarks.put('lease', '')
         self._set_enabled(on)
@@ -175,21 +178,19 @@ class ControllerNode(LiveNode):
         if self.trace is not None and not on:
             self.trace.disabled()
 
-    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
-        response.success, response.message = self.enable(request.data)
-        return response
-
     def _on_lease_over(self) -> None:
-        if not self.controller.enabled:
+        if self.controller.enabled:
+            self.remarks.log(STOPPED, WARN)
+            self.remarks.hold('lease', STOPPED, WARN)
+            self.enable(False, STOPPED)
+        elif not self._commission.active:
             return
-        self.remarks.log(STOPPED, WARN)
-        self.remarks.hold('lease', STOPPED, WARN)
-        self.enable(False, STOPPED)
         if self._sample_ticker is not None:  # which may not tick for a while
             self.on_timer()
             self._wiring.exchange.flush()
 
     def _reset(self) -> str:
+        self._commission.refuse_change()
         self.controller.reset()
         self.events.tell('reset', 'reset')
         if self.trace is not None:
@@ -253,14 +254,20 @@ class ControllerNode(LiveNode):
         controller = self.controller
         applied, settings = controller.command, controller.settings
         more = self._optional.take() | {'reference_span': self._reference.span}
+        commission = self._commission
+        commission.report_to(more)
         command = controller.tick(
             measurement, dt, elapsed=elapsed, age=age, reference=reference, **more
         )
+        if commission.active:
+            command = commission.tick(measurement, dt, elapsed, self._wiring.stamp)
+            self._silent = False
         silent = self._rivals.mute or (self._silent and controller.quiet)
         if not silent or self.lockstep is not None:
             self._command.send(command, self._wiring.stamp)
         sent_safe = command == controller.settings.safe_command
-        self._silent = controller.quiet and (self._silent or sent_safe)
+        quiet = controller.quiet and not commission.active
+        self._silent = quiet and (self._silent or sent_safe)
         self._steps += 1
         if self._steps % self._divisor == 0:
             self._estimates.send(controller)
@@ -276,7 +283,8 @@ class ControllerNode(LiveNode):
     def _mind_rivals(self) -> None:
         """Give way to another who is in command; begin when nobody is."""
         listened = self._rivals.listening
-        if self._rivals.look(self._silent and self.controller.quiet):
+        idle = self._silent and self.controller.quiet
+        if self._rivals.look(idle or self._commission.active):
             self._set_enabled(False)
             self.diagnostics.publish()
         elif listened and self._sample_ticker and self._sample and not self._rivals.listening:
@@ -301,17 +309,15 @@ class ControllerNode(LiveNode):
             values |= {
                 'ticks_without_measurement': self._idle,
                 'measurements_overwritten': self._overwritten,
-                'stamps_from_future': self._times.from_future,
-                'clock_jumps': self._times.clock_jumps,
-                'measurements_out_of_order': self._times.out_of_order,
+                **self._times.counts(),
                 'lease_left': self._lease.left,
                 'measurement_publishers': self.count_publishers(self.inputs[0].topic),
                 **self.latencies.summary(),
                 **self._wiring.report(),
+                **self._commission.report(),
             }
         if self.trace is not None:
             self.trace.flush()
-            self._tell_if_trace_failed()
         self._log_mode()  # the last of many changes
         return *state(controller, self._unheard), values
 
@@ -319,9 +325,9 @@ class ControllerNode(LiveNode):
 
     def begin_stop(self) -> None:
         """Ramp to the safe command; a silent one stays so, as another may be in control."""
-        self._stopping = True
         self._silent_at_stop = self._silent or self._rivals.mute
         self._set_enabled(False)
+        self._commission.close()
 
     @property
     def stopped(self) -> bool:
@@ -334,12 +340,12 @@ class ControllerNode(LiveNode):
         if not self._silent_at_stop and (self.lockstep is None or not self.lockstep.complete):
             settings = self.controller.settings
             allowed = settings.command_rate_limit * self.pacing.period
-            if message := cut_short(settings, self.controller.command, allowed):
+            last = self._commission if self._commission.active else self.controller
+            if message := cut_short(settings, last.command, allowed):
                 self.get_logger().warning(message)
             self._command.send_last(settings.safe_command, self._wiring.now())
         if self.trace is not None:
             self.trace.close()
-            self._tell_if_trace_failed()
 
     def discard(self) -> None:
         """Leave nothing behind of a node that never ran."""
@@ -349,11 +355,6 @@ class ControllerNode(LiveNode):
     def await_delivery(self, seconds: float) -> None:
         """Wait until the last command has arrived."""
         self._command.await_delivery(seconds)
-
-    def _tell_if_trace_failed(self) -> None:
-        if self.trace is not None and self.trace.failure:
-            self.get_logger().error(f'the trace ends: {self.trace.failure}')
-            self.trace = None
 
 
 class Axis(ControllerNode):

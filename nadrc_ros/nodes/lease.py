@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isnan
 import time
+from typing import Any
 
+from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.stamps import Departures, Offset
 from nadrc_ros.ros.topics import Info, LATEST, receive
-from rclpy.node import Node
 
 TOPIC = '~/keep'
 # A lease lasts at least and at most so long [s].
@@ -25,18 +26,20 @@ class Lease:
     that waited in a queue for longer is void. Once there was a lease, ``ended`` is called when it
     runs out, even if this process stood still meanwhile and finds a newer message in its queue. 0
     gives the lease back, and NaN is ignored. Time is that of the steady clock, whatever paces the
-    loop.
+    loop. In lockstep there is no such topic.
     """
 
-    def __init__(self, node: Node, ended: Callable[[], None]) -> None:
+    def __init__(self, node: LiveNode, ended: Callable[[], None]) -> None:
         self._ended = ended
         self._offset = Offset()
         self._departures = Departures(self._offset)
         self._until: int | None = None
         self._lost: int | None = None  # when one ran out, until that was told
-        self._timer = steady_timer(node, LONGEST, self._look)
-        self._timer.cancel()
-        self.heard = receive(node, TOPIC, self._take, LATEST, fixed=True)
+        self._timer: Any = None
+        if node.lockstep is None:
+            self._timer = steady_timer(node, LONGEST, self._look)
+            self._timer.cancel()
+            self.heard = receive(node, TOPIC, self._take, LATEST, fixed=True)
 
     @property
     def left(self) -> float:

@@ -40,6 +40,8 @@ class Rivals:
         Whether it is too early for the first command.
     gave_way
         Whether nothing may be sent until somebody enables us.
+    shared
+        Whether nothing is listened to.
 
     """
 
@@ -50,7 +52,7 @@ class Rivals:
         self._node = node
         self._sender = sender
         self._remarks = node.remarks
-        self._shared = shared
+        self.shared = shared
         period = node.pacing.period
         self._listen = max(LISTEN, _LISTEN_PERIODS * period)
         self._probation = max(PROBATION, _PROBATION_PERIODS * period)
@@ -70,7 +72,7 @@ class Rivals:
         ``idle`` tells whether we are disabled and silent.
         """
         age = time.monotonic() - self._began
-        if self._shared or age < self._listen:
+        if self.shared or age < self._listen:
             return False
         self.listening = False
         self._hear(idle or self._node.count_publishers(self._sender.topic) > 1)
@@ -103,7 +105,7 @@ class Rivals:
 
     def ignore(self) -> None:
         """Listen no longer: another loop of this process takes the command, and nobody else."""
-        self._shared, self.listening = True, False
+        self.shared, self.listening = True, False
         self._hear(False)
 
     def refusal(self) -> str:

@@ -28,11 +28,19 @@ class TraceWriter:
     Numbers are written so that they read back to the bit; nan and infinities as JavaScript writes
     them.
 
-    When the disk is full the trace ends, with the reason in ``failure``; the controller goes on.
+    When the disk is full the trace ends, with the reason in ``failure``, and ``failed`` is told;
+    the controller goes on.
     """
 
-    def __init__(self, path: Path, settings: ControllerSettings, checked: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        settings: ControllerSettings,
+        checked: bool = False,
+        failed: Callable[[str], object] = lambda text: None,
+    ) -> None:
         self.failure = ''
+        self._failed = failed
         self._file = path.open('x', encoding='utf-8')
         first = {FORMAT: format_of('trace'), 'settings': attrs.asdict(settings)}
         self._write({**first, 'checked': checked})
@@ -94,6 +102,7 @@ class TraceWriter:
             work()
         except OSError as error:
             self.failure = f'{self._file.name}: cannot write: {error.strerror}'
+            self._failed(f'the trace ends: {self.failure}')
             with suppress(OSError):
                 self._file.close()
 

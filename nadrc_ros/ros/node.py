@@ -24,7 +24,7 @@ from nadrc_ros.ros.topics import Input, Receive, receive, Sender
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 T = TypeVar('T')
 
@@ -178,6 +178,15 @@ class LiveNode(Node):
             return response
 
         self.create_service(Trigger, service, answer)
+
+    def add_switch(self, service: str, work: Callable[[bool], tuple[bool, str]]) -> None:
+        """Offer a service that switches; ``work`` returns whether it could, and what to answer."""
+
+        def answer(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            response.success, response.message = work(request.data)
+            return response
+
+        self.create_service(SetBool, service, answer)
 
     def guarded(self, work: Callable[..., None]) -> Callable[..., None]:
         """

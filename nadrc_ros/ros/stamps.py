@@ -88,6 +88,14 @@ class SampleTimes:
         self._seen: int | None = None
         self._last: tuple[int, int, int | None] | None = None
 
+    def counts(self) -> dict[str, int]:
+        """Return what /diagnostics has of the stamps."""
+        return {
+            'stamps_from_future': self.from_future,
+            'clock_jumps': self.clock_jumps,
+            'measurements_out_of_order': self.out_of_order,
+        }
+
     def saw(self, info: Info, next_info: Info) -> bool:
         """Note a sample that was not used before the next came; tell whether that is newer."""
         self._seen = self._number(info)

@@ -84,7 +84,7 @@ class Loop:
         self.beat(seconds)
         self.probe.wait_until(lambda: self.lease.heard.count > count)
 
-    def keep_on(self, seconds: float, *, lease: float = LEASE) -> None:
+    def keep_on(self, seconds: float, lease: float) -> None:
         """Let the heart beat for so long."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -156,15 +156,16 @@ def test_p21_a_message_while_disabled_enables_nothing_and_a_lease_covers_what_fo
     make_probe: Make,
 ) -> None:
     probe = make_probe()
-    loop = Loop(probe, enabled_at_start=False)
-    loop.keep_on(0.3)
+    loop, lease = Loop(probe, enabled_at_start=False), 5.0 * LEASE
+    loop.keep_on(0.3, lease)
     assert not loop.controller.enabled
     answer = probe.enable()
     assert (answer.success, answer.message) == (True, 'enabled for as long as ~/keep goes on')
-    loop.keep_on(3.0 * LEASE)
+    loop.keep_on(1.2 * lease, lease)
     assert loop.controller.enabled
+    loop.keep(LEASE)
     assert loop.wait_for_the_end() < LEASE + SLACK
-    loop.keep_on(0.3)
+    loop.keep_on(0.3, lease)
     assert not loop.controller.enabled
 
 
