@@ -20,7 +20,7 @@ from nadrc_ros.records.simulated import recorded
 from nadrc_ros.report.bode import draw_bode
 from nadrc_ros.report.marks import title_of
 from nadrc_ros.report.picture import draw, turning, unit
-from nadrc_ros.report.roles import looks, REFERENCE
+from nadrc_ros.report.roles import looks_of, REFERENCE
 from nadrc_ros.report.style import render, STYLE
 from nadrc_ros.scenario.files import find_scenario, load
 from nadrc_ros.tuning.design.first_design import first_design
@@ -79,7 +79,7 @@ def feature(page: str) -> Figure:
         first = next(iter(runs.values()))
         dashed = {'color': REFERENCE, 'linestyle': '--', 'label': 'reference'}
         above.plot(first.time, turning(first)['reference'], **dashed)
-        for name, look in looks(runs).items():
+        for name, look in looks_of(runs).items():
             run, line = runs[name], {'color': look.colour, 'linestyle': look.dash}
             above.plot(run.time, run.output, label=name.replace('_', ' '), **line)
             below.step(run.time, run.command, where='post', **line)

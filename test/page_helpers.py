@@ -74,7 +74,7 @@ class Page(HTMLParser):
 
     def lines(self, name: str) -> list[Any]:
         """Return the lines of a column."""
-        return [each for each in self.models if each.tags and each.tags[1] == name]
+        return [each for each in self.models if each.tags[1:2] == [name]]
 
     def labels(self) -> list[tuple[Any, Any]]:
         return [(each.text, each.x) for each in self.models if isinstance(each, Label)]

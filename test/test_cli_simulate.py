@@ -284,7 +284,8 @@ DRAWN = ['time', 'reference', 'output', 'command', 'disturbance_estimate', 'tota
 def flat(**columns: Any) -> Any:
     zeros = np.zeros_like(columns['time'])
     drawn = {name: np.array(columns.get(name, zeros)) for name in DRAWN}
-    return SimpleNamespace(**drawn, measurement_period=0.0, changes=[], unit=lambda _: '')
+    told = {'color': 0, 'path': Path('run'), 'changes': [], 'unit': lambda _: ''}
+    return SimpleNamespace(**drawn, measurement_period=0.0, **told)
 
 
 def test_a_picture_has_a_row_for_each_signal_and_each_controller() -> None:

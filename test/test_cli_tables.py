@@ -102,7 +102,7 @@ def tuned(folder: Path) -> list[float]:
     nadrc('tune', folder / 's.yaml', *few, '--out', folder)
     numbers = []
     for found in json.loads((folder / 'tune.json').read_text())['controllers'].values():
-        chosen = found['front'][found['chosen']]
+        chosen = found['front'][found['chosen'] - 1]
         numbers += [chosen['isu'], chosen['objective'], *chosen['values'].values()]
         numbers += [shown(key, found['predicted'][key]) for key in KEYS]
     return numbers

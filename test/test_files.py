@@ -123,7 +123,7 @@ def test_a_trace(tmp_path: Path) -> None:
 
 
 def test_a_difference_is_found() -> None:
-    found = {'started', 'namespace', 'version', 'units.output'}
+    found = {'started', 'namespace', 'version', 'units.output', 'color'}
     assert differences('`about.json`', found) == [
         '`about.json`: version is not on the page',
         '`about.json`: versions.<package> is not in the file',

@@ -15,7 +15,9 @@ from nadrc_ros.records.history import Change
 from nadrc_ros.report.bode import draw_bode, Loop
 from nadrc_ros.report.picture import draw
 from nadrc_ros.report.style import plain_log_ticks, render
+from nadrc_ros.scenario.units import Units
 from nadrc_ros.tuning.search import picture as front
+from nadrc_ros.tuning.search.settings import TuneSettings
 import numpy as np
 import pytest
 from svg_helpers import differences
@@ -37,6 +39,8 @@ def trace(k: int, scale: float, known: bool) -> Any:
         disturbance_estimate=wave,
         total_disturbance=wave + 1.0 if known else np.full(100, np.nan),
         measurement_period=0.0,
+        color=k,
+        path=Path('run'),
         changes=[],
         unit=lambda column: 'V' if column == 'command' else 'm/s',
     )
@@ -111,13 +115,14 @@ def test_a_front_can_be_read(width: float, size: int) -> None:
     share = np.linspace(0.0, 1.0, size)
     efforts, values = 400.0 * (1.0 + width) ** share, 7.0 * 0.1**share
     found = [tuned('one', efforts, values, size // 2), tuned('two', efforts, 1.5 * values, 0)]
-    figure = front.draw(found, 'a title', 'ITAE')
+    figure = front.draw(found, 'a title', TuneSettings(), Units(output='rad'))
     assert flaws(figure) == []
     (axes,) = figure.axes
     assert ('its whole width is' in axes.get_xlabel()) == (width < 0.1 and size > 1)
     numbers = {text.get_text() for text in axes.texts}
     assert {str(size // 2 + 1), '1'} <= numbers <= {str(i + 1) for i in range(size)}
     _, labels = axes.get_legend_handles_labels()
+    assert figure.axes[0].get_ylabel().startswith('ITAE [rad·s²]')
     assert labels[0] == f'one: point {size // 2 + 1}, least objective, no knee'
 
 

@@ -176,7 +176,7 @@ def test_changes_side_by_side_are_one_moment() -> None:
     )
     assert [(m.number, m.time) for m in moments] == [(1, 1.0), (2, 3.0)]
     assert [runs for _, runs in moments[0].changes] == [['a', 'b'], ['b']]
-    assert moments[0].mark() == (1.0, 'b0 2, b0 2')
+    assert moments[0].mark() == (1.0, 'b0 2')
 
 
 @pytest.mark.parametrize(

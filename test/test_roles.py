@@ -5,6 +5,8 @@ from __future__ import annotations
 from itertools import combinations, pairwise
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 from nadrc_ros.report import roles
@@ -58,6 +60,27 @@ def test_twelve_runs_look_different_and_neighbours_differ_in_grey() -> None:
     assert all(abs(a - b) > 0.05 for a, b in pairwise(light))
     assert len({luminance(c) for c in LINES}) == len(LINES)
     assert all(a != b for a, b in combinations(roles.level_looks(6), 2))
+
+
+def runs(*colors: int) -> Any:
+    return {
+        f'{k:02}': SimpleNamespace(color=c, path=Path(f'{k:02}')) for k, c in enumerate(colors)
+    }
+
+
+def test_a_run_keeps_its_color_whatever_runs_it_is_beside() -> None:
+    every = runs(3, 0, 7, 5, 1, 9)  # 9 and 3, 7 and 1 are of one colour
+    whole = roles.looks_of(every)
+    for name, run in every.items():
+        assert roles.looks_of({name: run})[name] == whole[name]
+    assert roles.looks_of(dict(reversed(every.items()))) == whole
+    assert len(set(whole.values())) == 6 and whole['00'].colour == whole['05'].colour
+
+
+def test_runs_of_one_color_differ_in_their_dashes_then_in_color() -> None:
+    alike = [*roles.looks_of(runs(*[4] * 18)).values()]
+    assert len(set(alike)) == 18
+    assert {each.colour for each in alike[:3]} == {roles.COLOURS[4]}
 
 
 def test_live_plots_have_the_colours_of_the_roles() -> None:

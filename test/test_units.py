@@ -56,7 +56,7 @@ def test_units_follow_from_those_of_output_and_command() -> None:
     ]
     assert units.of('truth', 1) == '(m/s)/s' and units.of('level_2', 2) == '(m/s)/s²'
     figures = [units.of_figure(name) for name in ('itae', 'isu', 'rmse', 'saturated_fraction')]
-    assert figures == ['m/s\u202fs²', 'V²\u202fs', 'm/s', '']
+    assert figures == ['m/s·s²', 'V²·s', 'm/s', '']
     nothing = Units()
     assert not any(nothing.of(name, 2) for name in ('output', 'command', 'truth'))
     assert not any(nothing.of_figure(name) for name in ('itae', 'iae', 'isu', 'max_command'))
@@ -73,5 +73,5 @@ def test_units_of_a_record_are_on_every_axis_and_in_the_table(told: Any, tmp_pat
     good = told == {'output': 'rad', 'command': 'V'}
     for label in ('output y [rad]', 'error e [rad]', 'command u [V]', 'disturbance [rad/s²]'):
         assert (json.dumps(label)[1:-1] in drawn) == good, label
-    for label in ('ITAE [rad\u202fs²]', 'max |u| [V]', '<span class="unit">rad</span>'):
+    for label in ('ITAE [rad·s²]', 'max |u| [V]', '<span class="unit">rad</span>'):
         assert (label in text) == good, label

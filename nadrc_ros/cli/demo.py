@@ -179,8 +179,12 @@ def _figures(run: 'Run') -> dict[str, Any]:
 
 
 def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> None:
+    from math import nan
+
     from nadrc_ros.cli.table import print_columns, Row
     from nadrc_ros.report.marks import title_of
+    from nadrc_ros.report.tables import shown_together
+    from nadrc_ros.scenario.units import with_unit
 
     labels = {
         'itae': ('ITAE', 'integral of t |e|'),
@@ -196,9 +200,10 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
     }
     figures = [_figures(run) for run in runs.values()]
     rows = []
-    for key, about in labels.items():
-        values = [each[key] for each in figures]
-        rows.append(Row(*about, ['-' if value is None else f'{value:.4g}' for value in values]))
+    for key, (label, meaning) in labels.items():
+        values = [nan if each[key] is None else float(each[key]) for each in figures]
+        label = with_unit(label, scenario.units.of_figure(key))
+        rows.append(Row(label, meaning, shown_together(key, values, plain=True)))
     print_columns(title_of(name, scenario), list(runs), rows)
 
 

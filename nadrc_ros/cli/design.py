@@ -65,13 +65,14 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]', details: bool)
     ]
     sine = found.wanted.disturbance_frequency
     columns = [_column(c, expected[c.name], sine) for c in found.candidates]
-    rows = [Row(*about, [column[about] for column in columns]) for about in columns[0]]
-    print_text(found.title)
-    print_text(in_options('\n'.join(found.rules), Requirements))
-    print_columns('', heads, rows if details else rows[:_FIRST_ROWS])
+    rows = [Row(*about, _texts([column[about] for column in columns])) for about in columns[0]]
+    print_columns(found.title, heads, rows if details else rows[:_FIRST_ROWS])
     if not details:
-        print_text(f'(* = chosen; --details shows {len(rows) - _FIRST_ROWS} more rows)', 'dim')
+        more = f'{len(rows) - _FIRST_ROWS} more rows, and how these were found'
+        print_text(f'(* = chosen; --details shows {more})', 'dim')
     print_text(found.advice, 'bold')
+    if details:
+        print_text(in_options('\n'.join(found.rules), Requirements))
     pid = found.pid
     if pid is not None:
         kind = 'PI' if found.wanted.order == 1 else 'PID'
@@ -82,9 +83,18 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]', details: bool)
         )
 
 
+def _texts(cells: 'list[str | float]') -> list[str]:
+    """Return a row of the table: numbers with the same decimals."""
+    from nadrc_ros.report.tables import shown_together
+
+    if all(isinstance(cell, float) for cell in cells):
+        return shown_together('', [float(cell) for cell in cells], plain=True)
+    return list(map(str, cells))
+
+
 def _column(
     candidate: 'Candidate', expected: 'Expected', sine: float
-) -> 'dict[tuple[str, str], str]':
+) -> 'dict[tuple[str, str], str | float]':
     """Return what is told of a candidate by the label of the row and what that means."""
     from math import degrees
 
@@ -96,20 +106,20 @@ def _column(
     observers = bandwidths(candidate.settings, candidate.levels)
     return {
         ('w [rad/s]', 'bandwidths of the observers'): ' / '.join(f'{w:.3g}' for w in observers),
-        ('error', f'under the disturbance, {left}'): f'{of.error:.3g}',
+        ('error', f'under the disturbance, {left}'): of.error,
         ('b / b0', 'gain margins'): f'{margins.gain_low:.2f} ... {margins.gain_high:.3g}',
         (
             'input gain [%]',
             'error of b0 it bears, even one that varies',
         ): f'{100.0 * of.input_gain_margin:.0f}',
         ('phase [deg]', 'phase margin'): f'{degrees(margins.phase):.0f}',
-        ('delay [ms]', 'delay margin'): f'{1e3 * margins.delay:.3g}',
+        ('delay [ms]', 'delay margin'): 1e3 * margins.delay,
         ('modulus', 'distance of L from -1'): f'{margins.modulus:.2f}',
-        ('settling [s]', 'time to stay within 2 %'): f'{of.settling_time:.3g}',
-        ('noise', 'standard deviation of u'): f'{of.command_noise:.3g}',
-        ('ITAE', 'of a step, then the disturbance'): f'{expected.itae:.3g}',
-        ('ISU', 'of the same run'): f'{expected.isu:.3g}',
-        ('noise ISU', 'of it by noise, on average'): f'{expected.noise_isu:.3g}',
+        ('settling [s]', 'time to stay within 2 %'): of.settling_time,
+        ('noise', 'standard deviation of u'): of.command_noise,
+        ('ITAE', 'of a step, then the disturbance'): expected.itae,
+        ('ISU', 'of the same run'): expected.isu,
+        ('noise ISU', 'of it by noise, on average'): expected.noise_isu,
         ('saturated [%]', 'share of the time'): f'{100.0 * expected.saturated:.1f}',
     }
 

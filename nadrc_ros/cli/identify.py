@@ -246,10 +246,11 @@ def _write_json(
 
 def _print_table(title: str, plant: 'Plant') -> None:
     from nadrc_ros.cli.table import print_columns, Row
+    from nadrc_ros.report.tables import shown_together
 
     def sure(label: str, estimate: 'Estimate', scale: float = 1.0) -> Row:
-        found = estimate.value, estimate.low, estimate.high
-        return Row(label, '', [f'{scale * value:.4g}' for value in found])
+        found = [scale * each for each in (estimate.value, estimate.low, estimate.high)]
+        return Row(label, '', shown_together('', found, plain=True))
 
     rows = [
         Row('order', _orders(plant), [f'{plant.order}', '', '']),
@@ -257,10 +258,10 @@ def _print_table(title: str, plant: 'Plant') -> None:
         sure('damping [1/s]', plant.damping),
     ]
     if plant.damping.low > 0.0:
-        constant = f'{1.0 / plant.damping.value:.3g}'
+        (constant,) = shown_together('', [1.0 / plant.damping.value], plain=True)
         rows.append(Row('time constant [s]', '1 / damping', [constant, '', '']))
     noise = 'standard deviation of the measurement'
-    rows.append(Row('noise', noise, [f'{plant.noise:.3g}', '', '']))
+    rows.append(Row('noise', noise, [*shown_together('', [plant.noise], plain=True), '', '']))
     if plant.lateness is not None:
         rows.append(sure(f'{plant.late} [ms]', plant.lateness, 1e3))
     if plant.dry:

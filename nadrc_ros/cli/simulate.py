@@ -101,4 +101,4 @@ def _print_table(name: str, scenario: 'Scenario', results: 'dict[str, Result]') 
 
     metrics = {run: result.metrics for run, result in results.items()}
     settled = scenario.experiment.settled
-    print_figures_of_merit(title_of(name, scenario), metrics, settled)
+    print_figures_of_merit(title_of(name, scenario), metrics, settled, scenario.units)

@@ -6,13 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import sys
 from typing import NamedTuple
 
-from nadrc_ros.report.tables import FIGURES, shown, wins
+from nadrc_ros.report.tables import FIGURES, shown_together, wins
+from nadrc_ros.scenario.units import Units, with_unit
 from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.terminal import columns, wrapped
 from rich.console import Console
 from rich.text import Text
 
 _PIPE_WIDTH = 200
+_NO_UNITS = Units()
 _GAP = 2
 Column = list[Text]
 
@@ -26,16 +28,20 @@ class Row(NamedTuple):
 
 
 def print_figures_of_merit(
-    title: str, metrics: Mapping[str, MetricValues], settle_time: float = 0.0
+    title: str,
+    metrics: Mapping[str, MetricValues],
+    settle_time: float = 0.0,
+    units: Units = _NO_UNITS,
 ) -> None:
     """Print a row for each figure and a column for each run, the lowest value in bold."""
     rows = []
     for key, label, meaning in FIGURES:
         values = [getattr(m, key) for m in metrics.values()]
-        cells = [Text(shown(key, v), 'bold' if wins(v, values) else '') for v in values]
+        texts = shown_together(key, values, plain=True)
+        cells = [Text(t, 'bold' if wins(v, values) else '') for t, v in zip(texts, values)]
         if key == 'peak_error' and settle_time:
             meaning += f', {settle_time:.4g} s'
-        rows.append(Row(label, meaning, cells))
+        rows.append(Row(with_unit(label, units.of_figure(key)), meaning, cells))
     print_columns(title, list(metrics), rows)
 
 

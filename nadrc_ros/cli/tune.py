@@ -15,6 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.scenario import Scenario
+    from nadrc_ros.scenario.units import Units
     from nadrc_ros.tuning.search.result import Tuned
     from nadrc_ros.tuning.search.study import TuningStudy
 
@@ -228,14 +229,14 @@ def _finish(
     found = [tuned(study, one, isu, number) for one, study in studies.items()]
     title = title_of(name, scenario)
     contents = {key: text.encode() for key, text in texts(scenario, found).items()}
-    contents['front.png'] = render(draw(found, title, tuning.objective_label), 'png')
+    contents['front.png'] = render(draw(found, title, tuning, scenario.units), 'png')
     folder.mkdir(parents=True, exist_ok=True)
     for file, content in contents.items():
         write_whole(folder / file, content)
     write_json(folder / 'tune.json', 'tune', document(name, tuning, found))
     for one in found:
-        _print_front(one, tuning)
-    _print_table(title, found, scenario.experiment.settled)
+        _print_front(one, tuning, scenario.units)
+    _print_table(title, found, scenario)
     say(f'tuned scenario {folder / "scenario.yaml"}')
     for one in found:
         say(f'ROS parameters {folder / one.name}.yaml')
@@ -244,27 +245,31 @@ def _finish(
     say(f'front {folder / "front.png"}, all numbers {folder / "tune.json"}')
 
 
-def _print_front(one: 'Tuned', tuning: TuneSettings) -> None:
+def _print_front(one: 'Tuned', tuning: TuneSettings, units: 'Units') -> None:
     """Print some of the front, the ends and the chosen point among them."""
     from nadrc_ros.cli.table import print_columns, Row
+    from nadrc_ros.report.tables import shown_together
+    from nadrc_ros.tuning.search.picture import labels
     from rich.text import Text
 
-    heads = ['ISU', tuning.objective_label, *(v.name for v in one.varied)]
+    heads = [*labels(tuning, units), *(v.name for v in one.varied)]
     last = len(one.front) - 1
     shown = {round(i * last / (_MOST_FRONT_ROWS - 1)) for i in range(_MOST_FRONT_ROWS)} | {
         one.choice.index
     }
+    points = [one.front[i] for i in sorted(shown)]
+    numbers = [(p.figures.isu, p.figures.objective, *p.values.values()) for p in points]
+    columns = [shown_together('', column, plain=True) for column in zip(*numbers)]
     rows = []
-    for i in sorted(shown):
-        point, chosen = one.front[i], i == one.choice.index
-        numbers = (point.figures.isu, point.figures.objective, *point.values.values())
-        cells = [Text(f'{x:.4g}', 'bold' if chosen else '') for x in numbers]
+    for i, texts in zip(sorted(shown), zip(*columns)):
+        chosen = i == one.choice.index
+        cells = [Text(text, 'bold' if chosen else '') for text in texts]
         rows.append(Row(f'{i + 1} *' if chosen else str(i + 1), '', cells))
     print_columns(f'{one.name}: {one.choice.why} (*)', heads, rows, 'point')
 
 
-def _print_table(title: str, found: 'list[Tuned]', settled: float) -> None:
+def _print_table(title: str, found: 'list[Tuned]', scenario: 'Scenario') -> None:
     from nadrc_ros.cli.table import print_figures_of_merit
 
-    predicted = {one.name: one.predicted for one in found}
-    print_figures_of_merit(f'{title}, as tuned', predicted, settled)
+    predicted, settled = {one.name: one.predicted for one in found}, scenario.experiment.settled
+    print_figures_of_merit(f'{title}, as tuned', predicted, settled, scenario.units)

@@ -67,6 +67,7 @@ def node_parameters(
             settings, directory, 0.0 if lockstep else scenario.duration
         )
         | {'error': scenario.error, 'settle_time': scenario.experiment.settled}
+        | {'color': list(scenario.controllers).index(name) % 18}
         | {f'units.{key}': value for key, value in attrs.asdict(scenario.units).items()},
     }
     steps = scenario.experiment.steps if lockstep else None

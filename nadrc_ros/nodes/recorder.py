@@ -103,7 +103,7 @@ class RecorderNode(LiveNode):
             self._begin = int(time.time())
             history = History()
             try:
-                write_about(folder.path, self._about())
+                write_about(folder.path, self._about(folder))
                 for node, values in self._watch.known.items():
                     append_parameters(folder.path, None, node, values)
                     history.take(None, node, about_figures(values))
@@ -144,13 +144,15 @@ class RecorderNode(LiveNode):
             length = self.figures.stop or self.figures.last
         self.get_logger().info(f'{length:.4g} s are recorded in {self.folder.path}')
 
-    def _about(self) -> dict[str, Any]:
+    def _about(self, folder: RunFolder) -> dict[str, Any]:
+        color = self.settings.color
         started = datetime.fromtimestamp(self._begin, timezone.utc)
         return {
             'started': started.isoformat(),
             'namespace': self.get_namespace(),
             'versions': _versions(),
             'units': attrs.asdict(self._units),
+            'color': folder.before if color < 0 else color,
         }
 
     def _summary(self) -> dict[str, Any]:

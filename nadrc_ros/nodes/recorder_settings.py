@@ -6,7 +6,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import build, Declared, declared, number, text
+from nadrc_ros.adrc.fields import build, Declared, declared, integer, number, text
 from nadrc_ros.adrc.settings import LONGEST
 from nadrc_ros.records.recording import ESTIMATES, FigureSettings, NEEDED, topic_of, TRUTH
 from nadrc_ros.ros.signal_parameters import behind, without
@@ -34,6 +34,13 @@ class RecorderSettings(FigureSettings):
         LONGEST,
         's',
         'length of a run, from the first command; 0 = until stopped',
+        live=False,
+    )
+    color: int = integer(
+        -1,
+        -1,
+        17,
+        'number of the color of its lines in reports; -1 = as many as there are runs before it',
         live=False,
     )
 

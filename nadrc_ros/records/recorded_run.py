@@ -7,6 +7,7 @@ from functools import cached_property
 from math import nan
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
@@ -24,6 +25,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 # Share of a log that is not yet settled, where nobody said when it is.
 _UNSETTLED_SHARE = 0.1
+# Of logs that have no number of their color: those of solid lines.
+_NAMED_COLORS = 6
 # What b0_source of a controller is among the columns.
 _GAIN_COLUMNS = {'measurement': 'output_estimate', 'reference': 'tracking'}
 
@@ -132,6 +135,12 @@ class RecordedRun:
         return attrs.evolve(self, columns=unwrapped(self.columns, period)) if period else self
 
     # ---- besides the samples ----
+
+    @property
+    def color(self) -> int:
+        """Return the number that its recorder gave its color; of other logs one of their name."""
+        told = self.history.about.get('color')
+        return told if isinstance(told, int) else crc32(self.path.name.encode()) % _NAMED_COLORS
 
     @property
     def units(self) -> Units:

@@ -125,6 +125,8 @@ class RunFolder:
     """
     A new folder for one run; an existing one is never touched.
 
+    ``before`` is the number of folders that were there.
+
     Parameters
     ----------
     directory
@@ -142,6 +144,7 @@ class RunFolder:
     """
 
     def __init__(self, directory: Path, columns: Sequence[str], settings: RunSettings) -> None:
+        self.before = _folders(directory)
         self.path = _new_folder(directory)
         try:
             write_json(self.path / SETTINGS, 'run', attrs.asdict(settings))
@@ -276,3 +279,7 @@ def _new_folder(directory: Path) -> Path:
             return path
         except FileExistsError:
             attempt += 1
+
+
+def _folders(directory: Path) -> int:
+    return sum(each.is_dir() for each in directory.iterdir()) if directory.is_dir() else 0

@@ -24,7 +24,9 @@ def recorded(path: Path, scenario: Scenario, name: str, result: Result) -> Recor
     columns = {column: getattr(result, column) for column in (*_SAME, *_ESTIMATES)}
     columns |= {f'level_{k}': values for k, values in enumerate(result.disturbances.T, 1)}
     controller, plant = f'/{name}/controller', f'/{name}/plant'
-    history = History(about={'namespace': name, 'units': attrs.asdict(scenario.units)})
+    color = list(scenario.controllers).index(name)
+    units = attrs.asdict(scenario.units)
+    history = History(about={'namespace': name, 'units': units, 'color': color})
     history.take(None, controller, attrs.asdict(settings))
     what = {'plant': scenario.plant.name or scenario.plant.file}
     noise = {'noise_variance': scenario.noise.variance, 'seed': scenario.noise.seed}

@@ -40,7 +40,7 @@ class NumberedChanges:
     def mark(self) -> Mark:
         """Return what a picture writes at that time."""
         values = (f'{change.name} {text_of(change.after)}' for change, _ in self.changes)
-        return Mark(self.time, ', '.join(values))
+        return Mark(self.time, ', '.join(dict.fromkeys(values)))
 
 
 def numbered(changes: Mapping[str, Sequence[Change]]) -> list[NumberedChanges]:

@@ -14,7 +14,7 @@ from nadrc_ros.records.angles import unwrapped
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.curves import frame
 from nadrc_ros.report.marks import Mark, numbered
-from nadrc_ros.report.roles import GREY, looks, REFERENCE, TRUTH
+from nadrc_ros.report.roles import GREY, looks_of, REFERENCE, TRUTH
 from nadrc_ros.report.style import STYLE
 import numpy as np
 
@@ -45,7 +45,7 @@ def draw(traces: Mapping[str, RecordedRun], title: str) -> Figure:
     with rc_context(STYLE):
         together = len(traces) > _MOST_APART
         heights = [1.0, _ERROR_ROW, 1.0, *[1.0] * (1 if together else len(traces))]
-        styles = looks(traces)
+        styles = looks_of(traces)
         keys = {'reference': Line2D([], [], **_REFERENCE)}
         keys |= {} if together else {'true disturbance': Line2D([], [], **_TRUTH)}
         keys |= {

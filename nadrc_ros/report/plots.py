@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import inf, log10, pi
-from typing import Any
 
 import attrs
 from bokeh.models import ColumnDataSource, HoverTool, LogAxis, Range1d
@@ -13,7 +12,7 @@ from bokeh.plotting import figure
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.records.states import IN_CONTROL
 from nadrc_ros.report.canvas import across, axis_look, base, letter, line_look
-from nadrc_ros.report.curves import bandwidths, bins, command_spectrum
+from nadrc_ros.report.curves import Bandwidth, bandwidths, bins, command_spectrum
 from nadrc_ros.report.marks import NumberedChanges
 from nadrc_ros.report.roles import (
     GREY,
@@ -21,7 +20,7 @@ from nadrc_ros.report.roles import (
     JOINED_LOOKS,
     level_looks,
     Look,
-    looks,
+    looks_of,
     REFERENCE,
     STATES,
     TRUTH,
@@ -34,6 +33,9 @@ _LONGEST_NAME = 9
 # Decades of a spectrum, and above it those for the marks of bandwidths.
 _DEEPEST, _HEADROOM = 8.0, 1.0
 _MOST_BANDWIDTHS = 8
+_LETTERS = 'ABCDEFGH'
+# The height of a text [px]; from that share of the width on texts are on the left of their mark.
+_ROW, _RIGHT_OF = 15, 0.7
 _TWO_MARKS = 0.03  # of the width of a spectrum are too near to each other for two letters
 # What is drawn beside a command.
 _JOINED = {'applied': 'what acted, as reported', 'feed_forward': 'the feed-forward in it'}
@@ -47,11 +49,6 @@ class Plot:
     caption: str
     timed: bool = True
 
-    @property
-    def lines(self) -> list[list[Any]]:
-        """Return run, column and whether it is held of each line that is to be filled."""
-        return [each.tags for each in self.figure.renderers if each.tags]
-
 
 class Plotter:
     """Draws runs, each in its look, with marks where something was changed."""
@@ -63,7 +60,7 @@ class Plotter:
         marked: Sequence[NumberedChanges],
     ) -> None:
         self.runs = runs
-        self.looks = looks(runs)
+        self.looks = looks_of(runs)
         self._traces = traces
         self._marked = marked[:_MOST_MARKED]
         starts = [float(run.time[0]) for run in runs.values()]
@@ -169,31 +166,38 @@ class Plotter:
         made.add_layout(LogAxis(x_range_name='hertz', **axis_look()), 'above')
         for name, (omega, density) in found.items():
             source = ColumnDataSource({'x': omega, 'y': density})
-            made.line('x', 'y', source=source, **line_look(self.looks[name]))
+            line = made.line('x', 'y', source=source, **line_look(self.looks[name]))
+            line.tags = [list(self.runs).index(name)]
         made.add_tools(HoverTool(tooltips=[('', '@x{0.0000 a} rad/s: @y')], mode='mouse'))
         said = self._mark_bandwidths(made, log10(low), log10(high))
         text = 'Power spectral density of the command (Welch) on logarithmic axes.'
         return Plot(made, f'{text} {said}'.strip(), timed=False)
 
     def _mark_bandwidths(self, made: figure, low: float, high: float) -> str:
-        """Mark bandwidths by letters above the curve, those near to each other by one; list."""
-        marks: list[tuple[float, list[str]]] = []
+        """
+        Mark bandwidths by letters above the curve, those near to each other by one; list them.
+
+        Of many those of one run are marked while it stands out.
+        """
         found = sorted(bandwidths(self.runs), key=lambda one: one.value)
-        if many := len(found) > _MOST_BANDWIDTHS:
-            found = [each for each in found if len(each.runs) == len(self.runs)]
-        for each in found:
-            place = (log10(each.value) - low) / (high - low)
-            whose = '' if len(each.runs) == len(self.runs) else f' of {", ".join(each.runs)}'
-            text = f'{", ".join(each.names)}{whose} {each.value:g} rad/s'
-            if marks and place - marks[-1][0] < _TWO_MARKS:
-                marks[-1][1].append(text)
-                continue
-            marks.append((place, [text]))
-            made.add_layout(across(each.value, 'height'))
-            made.add_layout(letter(each.value, chr(ord('A') + (len(marks) - 1) % 26)))
-        named = (f'{chr(ord("A") + i % 26)} {", ".join(t)}' for i, (_, t) in enumerate(marks))
-        text = f'Bandwidths: {"; ".join(named)}.' if marks else ''
-        return f'{text} Those that are not of all runs are among the parameters.' if many else text
+        if len(found) <= _MOST_BANDWIDTHS:
+            marks = _grouped(found, self.runs, low, high)
+            for letter_, (value, _) in zip(_LETTERS, marks):
+                made.add_layout(across(value, 'height'))
+                made.add_layout(letter(value, letter_))
+            named = (f'{name} {", ".join(texts)}' for name, (_, texts) in zip(_LETTERS, marks))
+            return f'Bandwidths: {"; ".join(named)}.' if marks else ''
+        for i, (name, run) in enumerate(self.runs.items()):
+            own = sorted(bandwidths({name: run}), key=lambda one: one.value)
+            for k, (value, texts) in enumerate(_grouped(own, [name], low, high)):
+                said = letter(value, ', '.join(texts))
+                said.y_offset = -_ROW * k
+                if log10(value) - low > _RIGHT_OF * (high - low):
+                    said.text_align, said.x_offset = 'right', -said.x_offset
+                for mark in (across(value, 'height'), said):
+                    mark.tags, mark.visible = ['of', i], False
+                    made.add_layout(mark)
+        return 'Point at the name of a run to see its bandwidths marked.'
 
     def latency(self) -> Plot | None:
         """Return histograms of the time from measurement to command, None where not recorded."""
@@ -232,8 +236,12 @@ class Plotter:
             x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(share, 2), [0.0]))
             source = ColumnDataSource({'x': x, 'y': y})
             look = self.looks[name]
-            made.varea('x', y2='y', y1=0.0, source=source, fill_color=look.colour, fill_alpha=0.2)
-            made.line('x', 'y', source=source, **line_look(look))
+            area = {'fill_color': look.colour, 'fill_alpha': 0.2}
+            for drawn in (
+                made.varea('x', y2='y', y1=0.0, source=source, **area),
+                made.line('x', 'y', source=source, **line_look(look)),
+            ):
+                drawn.tags = [list(self.runs).index(name)]
         beyond = sum(int((values > edges[-1]).sum()) for values in columns.values())
         more = f' {beyond} samples above {edges[-1]:.3g} ms are not shown.' if beyond else ''
         return Plot(made, caption + more, timed=False)
@@ -292,6 +300,21 @@ class Plotter:
         for mark in self._marked:
             made.add_layout(across(mark.time, 'height'))
             made.add_layout(letter(mark.time, str(mark.number)))
+
+
+def _grouped(
+    found: Sequence[Bandwidth], runs: Collection[str], low: float, high: float
+) -> list[tuple[float, list[str]]]:
+    """Return where to mark bandwidths, and the texts of those that are marked there."""
+    marks: list[tuple[float, list[str]]] = []
+    for each in found:
+        whose = '' if len(each.runs) >= len(runs) else f' of {", ".join(each.runs)}'
+        text = f'{", ".join(each.names)}{whose} {each.value:g} rad/s'
+        if marks and log10(each.value / marks[-1][0]) < _TWO_MARKS * (high - low):
+            marks[-1][1].append(text)
+        else:
+            marks.append((each.value, [text]))
+    return marks
 
 
 def _short(name: str) -> str:

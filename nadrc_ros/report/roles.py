@@ -7,9 +7,11 @@ Lines differ from either background by a contrast of 3, inks by 4.5.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import cycle, islice, product
 from typing import NamedTuple
+
+from nadrc_ros.records.recorded_run import RecordedRun
 
 INK, GREY, GRID = '#1a1a1a', '#6b7075', '#e4e4e4'
 # Of runs. Neighbours differ in lightness too, for the colour-blind and for print in grey.
@@ -52,6 +54,23 @@ JOINED_LOOKS = {'applied': Look(GREY, 'dotted'), 'feed_forward': Look(GREY, 'das
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Return the look of each run, in this order: the first 18 differ."""
     return dict(zip(names, cycle(Look(c, dash) for dash, c in product(_DASHES, COLOURS))))
+
+
+def looks_of(runs: Mapping[str, RecordedRun]) -> dict[str, Look]:
+    """
+    Return the look of each run; its colour is its own, whatever runs it is beside.
+
+    Runs of one colour differ in their dashes; only of more than three some get another colour.
+    """
+    every = [Look(c, dash) for dash, c in product(_DASHES, COLOURS)]
+    numbers = {name: run.color % len(every) for name, run in runs.items()}
+    found: dict[str, Look] = {}
+    for name in sorted(runs, key=lambda name: (numbers[name], str(runs[name].path))):
+        look = every[numbers[name]]
+        alike = (each for each in every if each.colour == look.colour)
+        free = (each for each in (look, *alike, *every) if each not in found.values())
+        found[name] = next(free, look)
+    return {name: found[name] for name in runs}
 
 
 def level_looks(count: int) -> list[Look]:

@@ -7,7 +7,7 @@ from math import isnan
 
 from nadrc_ros.records.recorded_run import RecordedRun
 from nadrc_ros.report.marks import NumberedChanges, text_of
-from nadrc_ros.report.tables import comparable, shown, shown_together
+from nadrc_ros.report.tables import comparable, shown_together
 import numpy as np
 
 # More runs are only counted.
@@ -69,7 +69,7 @@ def _alone(runs: Mapping[str, RecordedRun]) -> str:
         text = f'From {begin} on the error stayed within {_figure(metrics.peak_error)}{unit}'
     text += f' (RMSE {_figure(metrics.rmse)}{unit} over all); ITAE is {_figure(metrics.itae)}'
     if not isnan(metrics.saturated_fraction):
-        share = shown('saturated_fraction', metrics.saturated_fraction)
+        (share,) = shown_together('saturated_fraction', [metrics.saturated_fraction])
         text += f', and the command was at a limit for {share} of the time'
     return text + '.'
 

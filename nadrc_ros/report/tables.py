@@ -12,6 +12,7 @@ from nadrc_ros.records.history import LASTING
 from nadrc_ros.records.recorded_run import Array, RecordedRun
 from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
 from nadrc_ros.report.unused import unused
+from nadrc_ros.scenario.units import with_unit
 import numpy as np
 
 FIGURES = (
@@ -37,13 +38,6 @@ def wins(value: float, values: Sequence[float]) -> bool:
     """Tell whether a figure is the lowest of several that differ."""
     known = [each for each in values if not isnan(each)]
     return bool(known) and value == min(known) < max(known)
-
-
-def shown(key: str, value: float) -> str:
-    """Return a figure as a table shows it."""
-    if isnan(value):
-        return '-'
-    return f'{100.0 * value:.1f} %' if key == 'saturated_fraction' else f'{value:.4g}'
 
 
 def comparable(runs: Mapping[str, RecordedRun]) -> bool:
@@ -82,16 +76,16 @@ def figures_of_merit(runs: Mapping[str, RecordedRun]) -> Table:
         ]
         units = {run.units.of_figure(key) for run in runs.values()}
         unit = units.pop() if len(units) == 1 else ''
-        rows.append([Cell(f'{label} [{unit}]' if unit else label, meaning), *cells])
+        rows.append([Cell(with_unit(label, unit), meaning), *cells])
     return Table(['', *runs], rows + _counted(runs))
 
 
-def shown_together(key: str, values: Sequence[float]) -> list[str]:
+def shown_together(key: str, values: Sequence[float], plain: bool = False) -> list[str]:
     """
     Return figures that are read beside each other, with the same decimals.
 
     Their smallest difference shows two digits, as far as that needs no more than six digits of the
-    largest, which shows at least three.
+    largest, which shows at least three. A power of ten is ``plain`` e-5, or as one writes it.
     """
     if key == 'saturated_fraction':
         return [_MISSING if isnan(value) else f'{100.0 * value:.1f} %' for value in values]
@@ -101,11 +95,12 @@ def shown_together(key: str, values: Sequence[float]) -> list[str]:
         return [_MISSING if isnan(value) else f'{value:g}' for value in values]
     leading = floor(log10(largest))
     least, most = 2 - leading, 5 - leading
-    gaps = [high - low for low, high in pairwise(known)]
+    gaps = [gap for low, high in pairwise(known) if (gap := high - low) >= 10.0**-most]
     decimals = least + 1 if not gaps else 1 - floor(log10(min(gaps)))
     decimals = max(0, min(max(decimals, least), most))
     shift = -leading if leading < -4 else 0
-    scale, unit = 10.0**shift, f'\u2009·\u200910{_superscript(-shift)}' if shift else ''
+    power = f'e{-shift}' if plain else f'\u2009·\u200910{_superscript(-shift)}'
+    scale, unit = 10.0**shift, power if shift else ''
     return [
         f'{scale * value:.{decimals - shift}f}{unit}' if isfinite(value) else _MISSING
         for value in values

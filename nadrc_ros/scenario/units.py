@@ -7,7 +7,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import text
 
 _LONGEST = 20
-_SPACE = '\u202f'
+_TIMES = '·'
 
 
 @attrs.frozen(kw_only=True)
@@ -48,9 +48,9 @@ class Units:
         """Return the unit of a figure of merit, '' if it is not known."""
         output, command = self.output, self.command
         found = {
-            'itae': output and f'{output}{_SPACE}s²',
-            'iae': output and f'{output}{_SPACE}s',
-            'isu': command and f'{_bracketed(command)}²{_SPACE}s',
+            'itae': output and f'{output}{_TIMES}s²',
+            'iae': output and f'{output}{_TIMES}s',
+            'isu': command and f'{_bracketed(command)}²{_TIMES}s',
             **dict.fromkeys(('rmse', 'max_error', 'peak_error'), output),
             **dict.fromkeys(('max_command', 'total_variation'), command),
         }
@@ -64,3 +64,8 @@ def _bracketed(unit: str) -> str:
 def _rate_of(unit: str, order: int) -> str:
     power = '' if order == 1 else str(order).translate(str.maketrans('23456789', '²³⁴⁵⁶⁷⁸⁹'))
     return unit and f'{_bracketed(unit)}/s{power}'
+
+
+def with_unit(label: str, unit: str) -> str:
+    """Return what an axis or a row is called, with its unit if that is known."""
+    return f'{label} [{unit}]' if unit else label

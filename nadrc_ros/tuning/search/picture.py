@@ -11,9 +11,12 @@ from matplotlib.ticker import LogLocator
 from matplotlib.transforms import Bbox
 from nadrc_ros.report.roles import INK, looks
 from nadrc_ros.report.style import plain_log_ticks, STYLE
+from nadrc_ros.scenario.units import Units, with_unit
 from nadrc_ros.tuning.search.result import Tuned
+from nadrc_ros.tuning.search.settings import TuneSettings
 import numpy as np
 
+_NO_UNITS = Units()
 _SIZE = (7.5, 4.6)  # inches
 # A decade has these ticks on a short axis, and those on one of several decades.
 _MANY_TICKS, _FEW_TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0)
@@ -26,7 +29,9 @@ _DIGIT, _HEIGHT = 0.64 * _FONT, 1.2 * _FONT
 _BESIDE, _OUTSIDE_THE_RING = np.array([4.0, 3.0]), np.array([8.0, 6.0])
 
 
-def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
+def draw(
+    found: Sequence[Tuned], title: str, tuning: TuneSettings, units: Units = _NO_UNITS
+) -> Figure:
     """
     Return a figure with the front of each controller and a ring around what was taken.
 
@@ -53,12 +58,20 @@ def draw(found: Sequence[Tuned], title: str, objective: str) -> Figure:
             ticks = _FEW_TICKS if high > _SEVERAL_DECADES * low else _MANY_TICKS
             scale.set_major_locator(LogLocator(subs=ticks, numticks=12))
         plain_log_ticks(axis)
-        axis.set_xlabel('ISU, integral of u²' + _width(axis.get_xlim(), 'effort'))
+        effort, objective = labels(tuning, units)
+        axis.set_xlabel(f'{effort}, integral of u²' + _width(axis.get_xlim(), 'effort'))
         axis.set_ylabel(objective + _width(axis.get_ylim(), 'error'))
         axis.set_title(title, weight='bold')
         axis.legend()
         _number(figure, axis, found, [styles[tuned.name].colour for tuned in found])
     return figure
+
+
+def labels(tuning: TuneSettings, units: Units) -> tuple[str, str]:
+    """Return effort and objective as headings."""
+    effort = with_unit('ISU', units.of_figure('isu'))
+    objective = with_unit(tuning.objective.upper(), units.of_figure(tuning.objective))
+    return effort, objective + (' without noise' if tuning.noise_free else '')
 
 
 def _curve(tuned: Tuned) -> tuple[list[float], list[float]]:

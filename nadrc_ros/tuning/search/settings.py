@@ -82,7 +82,13 @@ class TuneSettings:
     trials: int = integer(1280, 1, 10_000_000, 'designs to try')
     population: int = integer(40, 4, 10_000, 'designs of a generation')
     seeds: int = integer(3, 1, 10_000, 'noise sequences to average over')
-    seed: int = integer(0, 0, 2**32 - 1, 'seed of the search')
+    seed: int = integer(
+        0,
+        0,
+        2**32 - 1,
+        'seed of the search alone: it picks the designs to try; their noise has seeds of its own, '
+        'the same for all, and not that of the scenario',
+    )
     over: str = choice('worst', ('worst', 'mean'), 'value of the corners that counts')
     gain_margin: float = number(
         LEAST_GAIN,
@@ -114,11 +120,6 @@ class TuneSettings:
             raise SettingError(
                 'sampler', self.sampler, 'nsga2 without a budget: the others find no front'
             )
-
-    @property
-    def objective_label(self) -> str:
-        """Return the objective as a heading."""
-        return self.objective.upper() + (' without noise' if self.noise_free else '')
 
     @property
     def method(self) -> str:
