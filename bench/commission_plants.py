@@ -151,8 +151,9 @@ class RandomPlant:
         self.y = self.v = self.q = self.p = 0.0
         self.rng = np.random.default_rng((24, case.seed))
         self.late = deque([case.center] * case.delay)
-        self.farthest = self.fastest = 0.0
-        self.origin = 0.0
+        self.farthest = self.fastest = self.jump = 0.0
+        self.origin = self.rate = 0.0
+        self.periods = 0
         self._bank: list[float] = []
 
     @property
@@ -163,8 +164,9 @@ class RandomPlant:
 
     def begin(self) -> None:
         """Count travel and speed from here on."""
-        self.farthest = self.fastest = 0.0
+        self.farthest = self.fastest = self.jump = 0.0
         self.origin = self.output
+        self.periods = 0
 
     def measure(self) -> float:
         """Return what the sensor shows."""
@@ -201,7 +203,18 @@ class RandomPlant:
                 self.q += self.p * dt
         now = self.output
         self.farthest = max(self.farthest, abs(now - self.origin))
-        self.fastest = max(self.fastest, abs(now - before) / h)
+        rate = (now - before) / h
+        self.fastest = max(self.fastest, abs(rate))
+        self.jump = max(self.jump, abs(rate - self.rate))
+        self.rate = rate
+        self.periods += 1
+
+    def worth(self) -> float:
+        """Return by how many periods' worth of motion a bound was exceeded."""
+        case = self.case
+        travel = (self.farthest - case.travel) / (max(self.fastest, 1e-30) / case.rate)
+        speed = (self.fastest - case.speed) / max(self.jump, 1e-30)
+        return max(travel, speed, 0.0)
 
 
 def noise_of(case: Case) -> float:

@@ -21,8 +21,14 @@ from nadrc_ros.adrc.settings import ControllerSettings
 
 # So many samples in a row outside the band are worse than predicted: noise alone hardly does that.
 _WORSE = 3
+# So long it holds the machine before it steps, of the length of a step.
+_HELD = 0.25
+# In so many segments a controller brings the machine back to where its travel counts from.
+_BACK = 10.0
 # A brake ends after so many times what drove the motion, beside the dead time.
 _BRAKES = 3.0
+# It is more firm where the speed has not fallen to that part meanwhile.
+_SLOWER = 0.9
 # How firmly it brakes: fully from that part of the largest speed on.
 _FIRM = 2.0
 
@@ -84,6 +90,7 @@ class Experiment:
         self._time = self._stepped = 0.0
         self._largest = 0.0
         self._outside = 0
+        self._held = False
         self._brake: _Brake | None = None
 
     @property
@@ -91,7 +98,7 @@ class Experiment:
         """Say in a word what it does."""
         if self.over is not None:
             return 'over'
-        if self.guard.origin is None:
+        if self.guard.start is None:
             return 'start'
         if self._brake is not None:
             return 'brake'
@@ -123,7 +130,7 @@ class Experiment:
         elif self._time > settings.longest:
             what = Outcome.STILL if self._pattern.still else Outcome.DONE
             self._stop(what, f'it took its {settings.longest:g} s')
-        if self.over is not None or guard.origin is None:
+        if self.over is not None or guard.start is None:
             return self._send(settings.center, elapsed)
         if self._brake is None and (complaint := guard.complaint(self._delay)):
             # what is too fast is let go first: friction may brake it, and would add to a brake
@@ -145,7 +152,10 @@ class Experiment:
             self.excitation = 0.0
         if self._controller is None:
             return self._send(settings.center + self.excitation, elapsed)
-        return self._controlled(measurement if used else None, dt, elapsed, guard.origin)
+        # on its way it goes back to where travel counts from
+        back = min(self._time / (_BACK * settings.segment), 1.0)
+        reference = guard.start - back * guard.away
+        return self._controlled(measurement if used else None, dt, elapsed, reference)
 
     def end(self, reason: str, brake: bool = False) -> None:
         """End it from outside, at once, or after its motion is braked."""
@@ -196,39 +206,32 @@ class Experiment:
     def _step(self, measurement: float | None, dt: float, elapsed: float) -> float:
         """Take over at rest, step, hold, step back, and compare."""
         settings, guard = self.settings, self.guard
-        assert guard.origin is not None
+        assert guard.start is not None
         length = len(settings.predicted) * settings.period
-        # it holds still first, for a fifth of a step
+        # it finds out first what holds the machine
         self._stepped += elapsed
-        at = self._stepped - 0.2 * length
-        on = 0.0 <= at < length
-        self.excitation = settings.reference_step if on else 0.0
-        if measurement is not None:
-            expected, band = self._expected(at)
-            away = abs(guard.moved - expected) > band
+        at = self._stepped - _HELD * length
+        if not self._held and at >= 0.0:
+            self._held = abs(guard.raw) <= settings.band[0]
+            self._stepped, at = (_HELD * length, 0.0) if self._held else (self._stepped, -1.0)
+            if not self._held and self._stepped > length:
+                said = f'it does not hold the machine, which is at {guard.raw:+.4g}'
+                self._stop(Outcome.WORSE, said)
+                return self._send(settings.center, elapsed)
+        self.excitation = settings.reference_step if 0.0 <= at < 0.5 * length else 0.0
+        if measurement is not None and at >= 0.0:
+            k = min(int(at / settings.period + 0.5), len(settings.predicted) - 1)
+            expected, band = settings.predicted[k], settings.band[k]
+            away = abs(guard.raw - expected) > band
             self._outside = self._outside + 1 if away else 0
             if self._outside >= _WORSE:
                 self.excitation = 0.0
-                said = f'the output is at {guard.moved:+.4g}, and {expected:+.4g} was expected'
+                said = f'the output is at {guard.raw:+.4g}, and {expected:+.4g} was expected'
                 self._stop(Outcome.WORSE, f'{said} within {band:.3g}')
                 return self._send(settings.center, elapsed)
-        if at >= 2.0 * length:
+        if at >= length:
             self._finish(Outcome.DONE, 'the step went as it was predicted')
-        return self._controlled(measurement, dt, elapsed, guard.origin + self.excitation)
-
-    def _expected(self, at: float) -> tuple[float, float]:
-        settings = self.settings
-        last = len(settings.predicted) - 1
-
-        def response(time: float) -> tuple[float, float]:
-            if time < 0.0:
-                return 0.0, settings.band[0]
-            k = min(int(time / settings.period + 0.5), last)
-            return settings.predicted[k], settings.band[k]
-
-        up, band = response(at)
-        down, wide = response(at - (last + 1) * settings.period)
-        return up - down, max(band, wide)
+        return self._controlled(measurement, dt, elapsed, guard.start + self.excitation)
 
     def _stop(self, outcome: Outcome, reason: str, wait: float = 0.0) -> None:
         """End as soon as the motion is braked, what still moves after ``wait`` [s]."""
@@ -275,6 +278,7 @@ class _Brake:
     ) -> None:
         excitation, pushed = driven
         self._known = sign != 0
+        self._turns = 0
         self._size, self._delay, self._wait = size, delay, wait
         self._way = 1.0 if guard.velocity > 0.0 else -1.0
         self._sign = sign or (1 if excitation * self._way > 0.0 else -1)
@@ -285,6 +289,8 @@ class _Brake:
         self.reason = reason
         self.finished = False
         self._spent = self._quiet = 0.0
+        self._patience = self._since = delay + 2.0 * guard.late
+        self._speed = abs(guard.velocity)
 
     def advance(self, guard: Guard, elapsed: float) -> float:
         """Return what is added to the resting command until the next tick."""
@@ -298,8 +304,15 @@ class _Brake:
         if turned:
             self.finished = not self._known
             self._way, self._size = -self._way, 0.5 * self._size
+            self._turns += 1
         if slow or self.finished or self._spent <= self._wait:
             return 0.0
+        self._since -= elapsed
+        if self._known and self._since <= 0.0:
+            # what drives it now is more than what drove it
+            if abs(guard.velocity) > _SLOWER * self._speed and self._turns == 0:
+                self._size *= 2.0
+            self._since, self._speed = self._patience, abs(guard.velocity)
         # a chain of two integrators slows down in the time in which it was driven
         share = _FIRM * guard.velocity / guard.fastest
         return -self._sign * self._size * max(-1.0, min(1.0, share))

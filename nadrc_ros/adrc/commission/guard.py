@@ -30,11 +30,13 @@ class Guard:
 
     Attributes
     ----------
-    origin
-        The output where the experiment began, the mean of the first samples; None until then.
+    start
+        The output where the experiment began, of the first samples; None until then.
+    away, raw
+        By how much that is away from where travel counts from; the last sample relative to it.
     moved, velocity, growth
-        The output relative to the origin [output unit], at the end of the line, its slope, and by
-        how much that grows [output unit/s^2].
+        The output relative to where its travel counts from [output unit], at the end of the line,
+        its slope, and by how much that grows [output unit/s^2].
     fastest, still
         The largest speed so far; and one below which there is none [output unit/s].
     late
@@ -50,7 +52,8 @@ class Guard:
         deviation = settings.noise * slope_noise(self.window) / settings.period
         self.late = (1.0 + 0.5 * self.window) * settings.period
         self.still = max(3.0 * deviation, _STILL * settings.speed)
-        self.origin: float | None = None
+        self.start: float | None = None
+        self.raw = self.away = 0.0
         self.moved = self.velocity = self.fastest = self.growth = self.silence = 0.0
         self._moving = 0.0
         self._samples: deque[tuple[float, float]] = deque(maxlen=self.window)
@@ -75,10 +78,10 @@ class Guard:
                 return False
         self._odd = False
         self._last, self.silence = value, 0.0
-        if self.origin is None:
+        if self.start is None:
             self._first.append(value)
             if len(self._first) >= max(_START_SAMPLES, self.window):
-                self.origin = sorted(self._first)[len(self._first) // 2]
+                self.start = sorted(self._first)[len(self._first) // 2]
         self._samples.append((self._time, value))
         before = self.velocity
         level, self.velocity = line(self._samples)
@@ -87,7 +90,11 @@ class Guard:
         self._moving = self._moving + dt if moves else 0.0
         self._speeds.append(self.velocity)
         self.growth = (self.velocity - self._speeds[0]) / (self.window * settings.period)
-        self.moved = level - self.origin if self.origin is not None else 0.0
+        if self.start is not None:
+            self.raw = value - self.start
+            self.away = self.start - settings.home if settings.homed else 0.0
+            self.away = short(self.away, settings.measurement_period)
+            self.moved = level - self.start + self.away
         return True
 
     def complaint(self, delay: float) -> str:

@@ -14,6 +14,8 @@ _GROWTH, _VERIFY, _VERIFICATIONS = 1.25, 1.5, 2
 _DEVIATIONS, _LEAST_SHARE, _SHARE = 6.0, 1e-3, 0.05
 # Of speed and travel, what a larger pulse may lead to; of the travel, from where it goes back.
 _LARGEST, _FAR = 0.35, 0.2
+# After a pulse without motion it rests for that part of one.
+_SHORT_REST = 0.3
 # Lengths of doublets, in segments, and where the pulses of each go: neither speed nor place of a
 # chain of one or two integrators is left.
 _LENGTHS = (1, 2, 1, 4)
@@ -68,7 +70,9 @@ class Staircase(Pattern):
         self._length = settings.segment
         self._way = 1.0 if up > 0.0 else -1.0
         self._base = self._spent = self._farthest = self._fastest = self._travelled = 0.0
-        self._hits = 0
+        # drift: since the last motion ended, how long and from where
+        self._rested = self._rest = self._drift = self._pulsed = 0.0
+        self._hits = self._votes = 0
         self._seen = inf
         self.still = True
 
@@ -76,24 +80,37 @@ class Staircase(Pattern):
         """Return what is added to the resting command."""
         self._spent += elapsed
         moved = guard.moved - self._base
+        if self.stage in ('pulse', 'coast'):
+            moved -= self._drift * self._pulsed
+            self._pulsed += elapsed
         self._farthest = max(self._farthest, abs(moved))
         self._fastest = max(self._fastest, abs(guard.velocity))
         slow = abs(guard.velocity) <= guard.still
         own = self._ways[self._way]
+        if self._rested >= 0.0:
+            self._rested += elapsed
+        elif self.stage == 'rest' and self._spent > 0.3 * self._length:
+            self._rested, self._rest = 0.0, guard.moved
         if self.stage == 'rest':
-            if self._spent < self._length or not (slow or self._spent >= 4.0 * self._length):
+            least = self._length * (1.0 if own.moves else _SHORT_REST)
+            if self._spent < least or not (slow or self._spent >= 4.0 * self._length):
                 return 0.0
             self._choose(guard)
             own = self._ways[self._way]
             self._begin('pulse')
-            self._base, self._hits = guard.moved, 0
+            if self._rested > 0.0:
+                self._drift = (guard.moved - self._rest) / self._rested
+            self._base, self._hits, self._pulsed = guard.moved, 0, 0.0
             self.pushed = self._farthest = self._fastest = moved = 0.0
         if self.stage == 'pulse':
             self._hits = self._hits + 1 if abs(moved) > self._threshold else 0
             if self._hits >= 2:
                 own.moves += 1
                 self._travelled, self.still = moved, False
-                self.sign = 1 if moved * self._way > 0.0 else -1
+                self._votes += 1 if moved * self._way > 0.0 else -1
+                # one motion may be that of an elastic joint
+                self.sign = 0 if abs(self._votes) < 2 else 1 if self._votes > 0 else -1
+                self._rested = -1.0
                 self._seen = min(self._seen, self._spent)
                 self.late = self._seen
                 self._begin('coast')
@@ -139,7 +156,7 @@ class Staircase(Pattern):
             self.finished = True
         way = -self._way
         ahead = guard.moved + guard.velocity * 2.0 * self._length
-        if not self.still and abs(ahead) > _FAR * self._settings.travel:
+        if self.sign and abs(ahead) > _FAR * self._settings.travel:
             way = -self.sign if ahead > 0.0 else self.sign
         self._way = -way if way in finished else way
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import attrs
 from nadrc_ros.adrc.errors import SettingError
-from nadrc_ros.adrc.fields import choice, integer, number, numbers
+from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.settings import HIGHEST, LEAST, LONGEST, LOWEST, SLOWEST_RATE
 
 KINDS = ('staircase', 'doublet', 'closed', 'step')
@@ -50,6 +50,10 @@ class ExperimentSettings:
     travel: float = number(
         0.0, LEAST, HIGHEST, 'output unit', 'farthest that the output goes from where it started'
     )
+    homed: bool = flag(False, 'whether travel counts from home, instead of where it begins')
+    home: float = number(
+        0.0, LOWEST, HIGHEST, 'output unit', 'output from which travel counts, if homed'
+    )
     speed: float = number(
         0.0, LEAST, HIGHEST, 'output unit/s', 'largest rate of change of the output'
     )
@@ -82,7 +86,8 @@ class ExperimentSettings:
         LOWEST,
         HIGHEST,
         'output unit',
-        'response to be expected to that step, one value each period from the step on',
+        'response to be expected to that step, for half of the time, and back: a value each '
+        'period from the step on',
     )
     band: tuple[float, ...] = numbers(
         (0.0,), 0.0, HIGHEST, 'output unit', 'how far from the prediction is as expected, each'

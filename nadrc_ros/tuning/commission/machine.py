@@ -30,6 +30,7 @@ class Samples:
     stamp: Array
     command: Array
     excitation: Array
+    stage: npt.NDArray[np.str_]
     outcome: str = ''
     reason: str = ''
 
@@ -94,7 +95,7 @@ class Simulated:
         """Watch it while the safe command acts."""
         rows = []
         for _ in range(max(int(seconds * self.rate + 0.5), 1)):
-            rows.append((self.plant.measure(), np.nan, np.nan))
+            rows.append((self.plant.measure(), np.nan, np.nan, ''))
             self._act(self.present.safe_command)
         return self._samples(rows)
 
@@ -108,7 +109,7 @@ class Simulated:
             measurement = self.plant.measure()
             dt = 1.0 / self.rate if measurement == measurement else 0.0
             command = experiment.tick(measurement, dt, 1.0 / self.rate)
-            rows.append((measurement, command, experiment.excitation))
+            rows.append((measurement, command, experiment.excitation, experiment.stage))
             self._act(command)
         outcome = experiment.outcome.value if experiment.outcome else ''
         return self._samples(rows, outcome, experiment.over)
@@ -119,16 +120,18 @@ class Simulated:
         self._ticks += 1
 
     def _samples(
-        self, rows: list[tuple[float, float, float]], outcome: str = '', reason: str = ''
+        self, rows: list[tuple[float, float, float, str]], outcome: str = '', reason: str = ''
     ) -> Samples:
         time = (self._ticks - len(rows) + np.arange(len(rows))) / self.rate
-        measurement, command, excitation = np.array(rows).T
+        *numbers, stage = zip(*rows)
+        measurement, command, excitation = map(np.array, numbers)
         return Samples(
             time=time,
             measurement=measurement,
             stamp=time,
             command=command,
             excitation=excitation,
+            stage=np.array(stage),
             outcome=outcome,
             reason=reason,
         )
