@@ -58,8 +58,8 @@ def test_a_held_reference_is_always_the_same() -> None:
 def test_the_figures_are_those_of_the_stretch() -> None:
     rows = record(jitter=0.0)
     part = rows[(rows[:, 0] >= 5.0) & (rows[:, 0] < 15.0)]
-    settings = figure_settings({}, {'command_min': -2.0, 'command_max': 2.0, 'b0': 3.0})
-    found = figures(SIGNALS, part, settings, 15.0)
+    told = {'command_min': -1.9, 'command_max': 2.0, 'structure': 'nested', 'inner_bandwidth': 9.0}
+    found = figures(SIGNALS, part, 15.0, {}, told)
     assert found['rmse'] == pytest.approx(0.1 / 2**0.5, rel=1e-3)
     assert found['max_error'] == pytest.approx(0.1, rel=1e-3)
     assert found['itae'] == pytest.approx(50.0 * 0.1 * 2.0 / np.pi, rel=0.02)
@@ -67,7 +67,8 @@ def test_the_figures_are_those_of_the_stretch() -> None:
 
 
 def test_settings_of_figures_that_make_no_sense_are_left_out() -> None:
-    assert figure_settings({'error': 7}, {}) == figure_settings({}, {})
+    assert figure_settings({'error': 7}) == figure_settings({})
+    assert figure_settings({'error': 'tracking', 'rate': 200.0}).error == 'tracking'
 
 
 def test_a_prediction_compares_now_and_pending() -> None:

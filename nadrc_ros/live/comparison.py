@@ -9,7 +9,7 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.live.blocks import Array
 from nadrc_ros.records.figures import figures_of
-from nadrc_ros.records.history import History
+from nadrc_ros.records.history import about_figures, History
 from nadrc_ros.records.recording import FigureSettings, RunSettings
 import numpy as np
 
@@ -19,21 +19,29 @@ _FEWEST = 20
 
 
 def figures(
-    signals: Sequence[str], rows: Array, settings: RunSettings, end: float
+    signals: Sequence[str],
+    rows: Array,
+    end: float,
+    recorder: Mapping[str, Any],
+    controller: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return the figures of merit of rows up to ``end`` [s], as a report on that part has them."""
-    columns = dict(zip(('time', *signals), rows.T.tolist()))
-    found = figures_of(columns, settings, History(), float(rows[0, 0]), end)
+    """
+    Return the figures of merit of rows up to ``end`` [s], as a report on that part has them.
+
+    The parameters of the recorder say what they are asked to be, those of the controller what it
+    says of its limits.
+    """
+    columns, history = dict(zip(('time', *signals), rows.T.tolist())), History()
+    history.take(None, 'controller', about_figures(controller))
+    settings = figure_settings(recorder)
+    found = figures_of(columns, settings, history, float(rows[0, 0]), end)
     return found.values().as_dict()
 
 
-def figure_settings(recorder: Mapping[str, Any], controller: Mapping[str, Any]) -> RunSettings:
-    """Return what a recorder's figures are asked to be, else what the controller says."""
+def figure_settings(recorder: Mapping[str, Any]) -> RunSettings:
+    """Return what the figures of a recorder with these parameters are asked to be."""
     names = declared(FigureSettings)
     told = {name: recorder[name] for name in names if name in recorder}
-    if not told:
-        limits = ('command_min', 'command_max', 'measurement_period')
-        told = {name: controller[name] for name in limits if name in controller}
     try:
         return RunSettings(**told)
     except (UserError, TypeError):

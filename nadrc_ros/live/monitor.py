@@ -31,8 +31,6 @@ import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 _BLOCK, _LOOK = 0.05, 0.2  # [s]
-# All samples of an instant are there so long after the newest one left [ns].
-_SKEW = 50_000_000
 # A page that hangs may cost the controller nothing: no reader that it would wait for.
 _HEAR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # What is kept: so many seconds, and so many rows at most.
@@ -135,7 +133,7 @@ class Monitor(LiveNode):
         self.signals = signals
         self.ring = Ring(1 + len(signals), KEPT, MOST_ROWS)
         self._spacing, self._last = Spacing(), nan
-        self.intake = Intake(self, topics, float('inf'), 0.0, skew=_SKEW, qos=_HEAR, watched=False)
+        self.intake = Intake(self, topics, float('inf'), 0.0, eager=True, qos=_HEAR, watched=False)
 
     # ---- what any thread may ask ----
 

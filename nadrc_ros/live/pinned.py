@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.live.blocks import Array
-from nadrc_ros.live.comparison import figure_settings, figures, same_stretch
+from nadrc_ros.live.comparison import figures, same_stretch
 from nadrc_ros.live.monitor import Monitor
 from nadrc_ros.live.outbox import Message
 from nadrc_ros.live.undo import Values
@@ -182,8 +182,8 @@ class Pinned:
 
     def _figures(self, rows: Array, end: float) -> Values:
         monitor = self._monitor
-        settings = figure_settings(monitor.parameters(monitor.recorder), self._now())
-        return figures(monitor.signals, rows, settings, end)
+        recorder = monitor.parameters(monitor.recorder)
+        return figures(monitor.signals, rows, end, recorder, self._now())
 
     def _different(self, values: Values) -> Values:
         """Return which of these values do not hold now."""

@@ -19,7 +19,9 @@ from nadrc_ros.live.saving import make_report, saved
 from nadrc_ros.live.session import Client, parsed, Session
 
 # What stops is asked for again and again [s].
-_STOP_AGAIN, _STOPS = 0.25, 8
+_STOP_AGAIN, _STOPS = 0.5, 6
+# So many requests of one page wait at most.
+_MOST = 50
 # So long a page has to send a fresh beat before what it holds may run [s].
 _FIRST_BEAT = 0.5
 # What changes nothing, not even on this machine.
@@ -67,10 +69,24 @@ class Requests:
             self._stop(client, request)
         elif what == 'beat':
             self._beat(client, request)
+        elif client.waiting >= _MOST:
+            self._answer(client, request, False, 'too many requests wait: ask again')
         else:
+            client.waiting += 1
             self._session.background(self._work(client, what, request))
 
     async def _work(self, client: Client, what: str, request: Message) -> None:
+        """Work on the requests of a page one by one, but for predictions, of which one counts."""
+        try:
+            if what == 'predict':
+                await self._work_on(client, what, request)
+            else:
+                async with client.working:
+                    await self._work_on(client, what, request)
+        finally:
+            client.waiting -= 1
+
+    async def _work_on(self, client: Client, what: str, request: Message) -> None:
         known = self._free | self._bound
         if what not in known:
             self._answer(client, request, False, f'no such request: {_or(what, known)}')
@@ -249,7 +265,8 @@ class Requests:
         now = dict(shown(monitor.parameters(monitor.controller)))
         if not now:
             raise UserError('the parameters of the controller are not known')
-        return saved(monitor.controller, now, self._session.changes.undo.since_start(now))
+        before = self._session.changes.undo.since_start(now)
+        return await asyncio.to_thread(saved, monitor.controller, now, before)
 
     async def _report(self, client: Client, request: Message) -> Message:
         monitor = self._session.monitor

@@ -37,6 +37,8 @@ from tornado.netutil import bind_sockets
 _SEARCH = 1.5
 # What is to be stopped has so long to answer at the end, and the node to end its spin [s].
 _LAST_ANSWER, _SPIN = 0.3, 2.0
+# What stops a loop may not wait for a thread that predicts [s].
+_SWITCH = 1e-3
 _SET_BOOL = 'std_srvs/srv/SetBool'
 
 
@@ -71,6 +73,7 @@ def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[st
 
     """
     sockets = _bind(asked)
+    sys.setswitchinterval(_SWITCH)
     try:
         init_ros(list(arguments))
         with _signals_stop() as stop:

@@ -51,11 +51,11 @@ class _Guarded(RequestHandler):
             '' if refusal else host, report=self.is_report
         ).items():
             self.set_header(name, value)
+        if not (refusal or self._is_admitted()):
+            refusal = 'open the address that `nadrc live` printed: this one has no token'
         if not refusal and self.request.method not in ('GET', 'HEAD'):
             self.set_header('Allow', 'GET, HEAD')
             refusal, status = 'only GET', 405
-        if not (refusal or self._is_admitted()):
-            refusal = 'open the address that `nadrc live` printed: this one has no token'
         if refusal:
             self.set_status(status)
             self.set_header('Content-Type', 'text/plain; charset=utf-8')

@@ -34,6 +34,8 @@ class Client:
         self.outbox = Outbox(write)
         self.close = close
         self.hold = hold
+        self.waiting = 0  # requests
+        self.working = asyncio.Lock()
         self.sending: asyncio.Task[None] | None = None
 
     def tell(self, message: Message) -> None:

@@ -39,9 +39,9 @@ class Intake:
     """
     Has a node hear the topics of signals, and makes rows of what comes, in runs of ``duration``.
 
-    ``period`` is that of an angle, if it is known already. Samples of all topics are taken to be
-    there ``skew`` [ns] after the newest one left; they come with the quality of service ``qos``,
-    and silence is remarked on if ``watched``.
+    ``period`` is that of an angle, if it is known already. Samples come with the quality of
+    service ``qos``, and silence is remarked on if ``watched``. Rows are made as soon as can be if
+    ``eager``: when each stream of their rate went on, and not only after what comes rarely, too.
 
     Times are of the steady clock of this machine, in simulated time of ``/clock``: there a sample
     left when it came, and where that clock goes back, time stands still. ``clock_jumps`` counts
@@ -56,7 +56,7 @@ class Intake:
         duration: float,
         period: float,
         *,
-        skew: int = _SKEW,
+        eager: bool = False,
         qos: QoSProfile = RECORD,
         watched: bool = True,
     ) -> None:
@@ -71,7 +71,7 @@ class Intake:
         self.restart(0)
         self.wiring, self._home = WiringSettings(), ''
         self._topics = topics
-        self._skew, self._qos, self._watched = skew, qos, watched
+        self._eager, self._qos, self._watched = eager, qos, watched
         self._stamped: set[str] = set()  # signals whose headers tell the time, also simulated
         self._wired: dict[str, Address | None] = {}
         self._wired |= dict.fromkeys(name for name in (*NEEDED, *JOINED) if name in topics)
@@ -199,7 +199,9 @@ class Intake:
 
     def close(self) -> tuple[int, list[Row]]:
         """Return until when [ns] all rows are made, and those that were not returned before."""
-        until, now = self._rows.newest - self._skew, self.now()
+        until, now = self._rows.newest - _SKEW, self.now()
+        if self._eager:
+            until = max(until, self._rows.complete())
         # Who stood still for so long has not taken what came meanwhile.
         if now - self._looked < _SILENCE:
             until = max(until, now - _SILENCE)

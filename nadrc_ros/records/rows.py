@@ -199,6 +199,20 @@ class Rows:
         """Return the signals of which there was no sample so far."""
         return [name for name, track in self._tracks.items() if not track.times]
 
+    def complete(self) -> int:
+        """
+        Return up to when [ns] all samples are there of streams that come about as often as rows.
+
+        Those of one stream come in order, and a stream that fell silent is not waited for.
+        """
+        most = _SLOWEST_MOVING * self._due()
+        newest = [
+            track.times[-1]
+            for track in self._tracks.values()
+            if track.times and 0.0 < track.spacing.usual <= most
+        ]
+        return min((time for time in newest if self.newest - time < SECOND), default=-1)
+
     def close(self, until: int) -> list[Row]:
         """Return the rows that are over at ``until`` [ns], all samples up to then being there."""
         return self._close(until, _OVERDUE_SPACINGS)

@@ -1,0 +1,301 @@
+"""The server of the live page beside a running loop: who may do what, and how fast it stops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+import os
+from pathlib import Path
+import signal
+import socket
+import time
+
+from live_loop import kill, Page, PERIOD, RATE, Served, until
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.live.run import Asked, serve
+from nadrc_ros.records.read_run import read_run
+from nadrc_ros.records.recorded_run import window
+import numpy as np
+from probe import Probe, Processes
+import pytest
+
+# Promised of a stop, and of a heartbeat that ends [s].
+STOP, LAPSE = 0.1 + PERIOD, 0.5 + PERIOD
+NAMESPACE = '/live_loop'
+
+
+@pytest.fixture(scope='module')
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """Run one loop and one server for all tests of this module."""
+    directory = tmp_path_factory.mktemp('live')
+    probe, processes = Probe(NAMESPACE, directory), Processes(NAMESPACE, directory)
+    loop = Served(probe, processes, directory)
+    yield loop
+    loop.close()
+    processes.kill()
+    probe.close()
+
+
+@pytest.fixture
+def page(served: Served) -> Iterator[Page]:
+    """Open a page, which has control as the only one."""
+    page = Page(served.address)
+    yield page
+    page.tell('stop')
+    until(lambda: not served.enabled)
+    page.close()
+    time.sleep(0.05)
+
+
+def quickest(stop: Callable[[], float], promised: float, tries: int = 4) -> float:
+    """Return the shortest time that it took, one within the promise if there is any."""
+    taken: list[float] = []
+    while not taken or (min(taken) > promised and len(taken) < tries):
+        taken.append(stop())
+    return min(taken)
+
+
+def test_p21_without_token_or_from_elsewhere_nothing_is_told_or_changed(
+    served: Served, page: Page
+) -> None:
+    served.enable()
+    before = dict(served.controller.controller.settings.__getstate__())
+    own = {'Cookie': page.cookie}
+    socket_headers = {
+        'Upgrade': 'websocket',
+        'Connection': 'Upgrade',
+        'Sec-WebSocket-Key': 'dGhlIHNhbXBsZSBub25jZQ==',
+        'Sec-WebSocket-Version': '13',
+    }
+    for path in ('/', '/static/main.js', '/ws', '/nothing', '/?token=wrong', '/?do=stop'):
+        assert page.get(path).status == 403, path
+        assert page.get(path, Host='evil.example:80', **own).status == 403, path
+        assert page.get(path, Origin='http://evil.example', **own).status == 403, path
+    assert page.get('/', **own).status in (200, 404), 'the own page'
+    for method in ('POST', 'PUT', 'DELETE', 'OPTIONS', 'HEAD'):
+        assert page.get('/', method).status == 403
+        assert page.get('/?do=stop', method, **own).status in (405, 200, 404), method
+    upgraded = socket_headers | own
+    assert page.get('/ws', **upgraded).status == 403, 'a socket without an Origin'
+    assert page.get('/ws', Origin='http://evil.example', **upgraded).status == 403
+    assert page.get('/ws', Origin=page.base, **socket_headers).status == 403, 'without a cookie'
+    assert page.get('/ws', Origin=page.base, Host='localhost:1', **upgraded).status == 403
+    assert page.get('/stop', **own).status == 404
+    assert served.enabled
+    assert before == dict(served.controller.controller.settings.__getstate__())
+
+
+def test_headers_keep_everything_at_home(page: Page) -> None:
+    headers = page.get('/', Cookie=page.cookie).headers
+    policy = headers['Content-Security-Policy']
+    assert "default-src 'none'" in policy and "script-src 'self';" in policy
+    assert 'unsafe-eval' not in policy and headers['X-Content-Type-Options'] == 'nosniff'
+    assert page.get('/static/../run.py', Cookie=page.cookie).status == 404
+    assert page.get('/static/bokeh/bokeh.min.js', Cookie=page.cookie).status == 200
+    given = page.get(f'/?token={page.token}').headers['Set-Cookie']
+    assert 'HttpOnly' in given and 'SameSite=Strict' in given
+
+
+def test_p21_garbage_kills_nothing(served: Served, page: Page) -> None:
+    other = Page(served.address)
+    rng = np.random.default_rng(3)
+    shapes = ('{}', '[]', '"stop"', '{"do":', '{"do": 3}', '{"do": "apply"}', 'nan', '\u0000')
+    for k in range(10_000):
+        other.send(shapes[k % 8] if k % 2 else rng.bytes(20))
+    other.send('[' * 60_000)
+    other.send('{"do": "apply", "values": {"b0": ' + '9' * 5000 + '}, "id": {}}')
+    other.send(rng.bytes(10_000_000))
+    until(lambda: other.closed)
+    count = len(page.blocks)
+    until(lambda: len(page.blocks) > count + 5)
+    assert served.server.running and 'Traceback' not in served.server.said
+    assert page.ask('predict', values={})['ok'] and not served.enabled
+
+
+def test_three_changes_are_one_event_and_come_back(served: Served, page: Page) -> None:
+    settings = served.controller.controller.settings
+    before = {n: getattr(settings, n) for n in ('controller_bandwidth', 'b0', 'inner_bandwidth')}
+    served.told.clear()
+    after = {'controller_bandwidth': 9, 'b0': 1.5, 'inner_bandwidth': 50.0}
+    assert page.ask('apply', values=after)['ok']
+    until(lambda: served.told)
+    changed = until(lambda: page.of('parameters'))
+    assert changed[0]['values'] == after and changed[0]['source'] == 'page'
+    assert page.ask('back')['ok']
+    until(lambda: len(page.of('parameters')) == 2)
+    assert page.of('parameters')[1]['values'] == before
+    assert [len(told) for told in served.told] == [3, 3]
+    settings = served.controller.controller.settings
+    assert {name: getattr(settings, name) for name in before} == before
+    assert not page.ask('back')['ok']
+
+
+def test_a_refused_value_has_the_reason_of_the_node(served: Served, page: Page) -> None:
+    assert page.ask('enable', hold=False)['ok']
+    refused = page.ask('apply', values={'b0': -1.0, 'inner_bandwidth': 45.0})
+    assert not refused['ok'] and refused['refused'] == 'b0' and 'b0' in refused['text']
+    assert served.controller.controller.settings.b0 == 1.0
+    assert served.controller.controller.settings.inner_bandwidth == 40.0
+    wrong: tuple[object, ...] = ({}, [], {'b0': {}}, {'b0': None}, {'nothing': 1.0}, {'b0': 'x'})
+    for values in wrong:
+        assert not page.ask('apply', values=values)['ok'], values
+
+
+def test_p22_stop_acts_at_once_whatever_else_is_asked_for(served: Served, page: Page) -> None:
+    def stop() -> float:
+        served.enable()
+        begin = time.monotonic()
+        until(lambda: served.commands and served.commands[-1][0] > begin + 0.05)
+        for k in range(40):
+            page.tell('predict', values={'b0': 1.0 + 0.01 * k})
+            page.tell('save')
+        begin = time.monotonic()
+        page.tell('stop')
+        return served.safe_since(begin)
+
+    assert quickest(stop, STOP) <= STOP
+    assert not served.enabled
+
+
+def test_p22_a_page_that_watches_can_stop_but_nothing_else(served: Served, page: Page) -> None:
+    watcher = Page(served.address)
+    assert page.hello['operator'] and not watcher.hello['operator']
+    assert not watcher.ask('enable', hold=False)['ok'] and not served.enabled
+    assert 'take over' in watcher.ask('apply', values={'b0': 2.0})['text']
+    assert page.ask('enable', hold=False)['ok'] and served.enabled
+    assert watcher.ask('stop')['ok'] and not served.enabled
+    assert watcher.ask('take_over')['ok']
+    until(lambda: page.of('operator') and not page.of('operator')[-1]['operator'])
+    assert not page.ask('back')['ok'] and watcher.ask('enable', hold=False)['ok']
+    watcher.close()
+    assert served.enabled, 'it was not held'
+    page.ask('take_over')
+
+
+def test_p21_a_heartbeat_that_stops_disables(served: Served, page: Page) -> None:
+    assert 'heartbeat' in page.ask('enable', hold=True)['text'] and not served.enabled
+
+    def freeze() -> float:
+        with page.beating() as over:
+            assert page.ask('enable', hold=True)['ok']
+            time.sleep(1.0)
+            assert served.enabled, 'as long as it beats'
+            over.set()
+            begin = time.monotonic()
+            until(lambda: not served.enabled)
+            return time.monotonic() - begin
+
+    assert quickest(freeze, LAPSE) <= LAPSE
+    time.sleep(0.2)
+    with page.beating():
+        time.sleep(0.5)
+        assert not served.enabled, 'a beat alone enables nothing'
+
+
+def test_p21_a_page_that_is_closed_lets_go(served: Served, page: Page) -> None:
+    def close() -> float:
+        other = Page(served.address)
+        other.ask('take_over')
+        with other.beating():
+            assert other.ask('enable', hold=True)['ok'] and served.enabled
+            begin = time.monotonic()
+            other.close()
+            until(lambda: not served.enabled)
+            return time.monotonic() - begin
+
+    assert quickest(close, LAPSE) <= LAPSE
+    again = Page(served.address)
+    with again.beating():
+        time.sleep(0.3)
+    assert not served.enabled, 'a page that is opened again enables nothing'
+    again.close()
+
+
+def test_rows_are_those_of_the_recorder_and_figures_those_of_its_report(
+    served: Served, page: Page
+) -> None:
+    served.recorder._reset()
+    assert page.ask('enable', hold=False)['ok']
+    begin = page.of('state')[-1]['t']
+    until(lambda: page.blocks and page.blocks[-1][2][-1, 0] > begin + 4.0)
+    end = float(page.blocks[-1][2][-1, 0])
+    pinned = page.ask('pin', **{'from': begin + 1.0, 'to': end})
+    assert pinned['ok'], pinned
+    time.sleep(0.8)
+    folder = Path(served.recorder._save())
+    run = read_run(folder)
+    rows = np.vstack([rows for _, flags, rows in page.blocks if not flags & 1])
+    rows = rows[rows[:, 0] <= end]
+    names = [each['name'] for each in page.hello['signals']]
+    assert (np.diff(rows[:, 0]) > 0.0).all(), 'none twice, none out of order'
+    assert [block[0] for block in page.blocks] == list(range(len(page.blocks)))
+    measured = rows[-100:, 1 + names.index('measurement')].astype(np.float32)
+    place = int(np.flatnonzero(run.columns['measurement'].astype(np.float32) == measured[0])[0])
+    offset = rows[-100, 0] - run.time[place]
+    for name in names:
+        column = run.columns.get(name)
+        if column is not None:
+            shown = rows[-100:, 1 + names.index(name)].astype(np.float32)
+            assert np.array_equal(shown, column[place : place + 100].astype(np.float32)), name
+    assert np.allclose(rows[-100:, 0] - offset, run.time[place : place + 100], atol=1e-4)
+    part = window(run, begin + 1.0 - offset, end - offset)
+    told = until(lambda: page.of('comparison'))[-1]['before']['figures']
+    for name, value in part.metrics.as_dict().items():
+        assert told[name] == (value if value is None else pytest.approx(value, rel=1e-4)), name
+
+
+def test_p22_a_server_that_stands_still_or_is_killed_costs_the_controller_nothing(
+    served: Served, page: Page
+) -> None:
+    process, address = served.serve()
+    other = Page(address)
+    with other.beating():
+        assert other.ask('enable', hold=False)['ok']
+        missed = served.controller.ticker.missed
+        count, begin = len(served.commands), time.monotonic()
+        process.signal(signal.SIGSTOP)
+        time.sleep(1.0)
+        periods = RATE * (time.monotonic() - begin)
+        sent = len(served.commands) - count
+        assert sent + served.controller.ticker.missed - missed >= 0.8 * periods
+        process.signal(signal.SIGCONT)
+        assert other.ask('enable', hold=True)['ok']
+        begin = kill(process)
+        until(lambda: not served.enabled)
+        taken = time.monotonic() - begin
+    assert process.end() == -signal.SIGKILL
+    assert taken <= LAPSE + 0.2, 'the margin is for this machine, which starts processes'
+
+
+def test_ctrl_c_stops_what_is_held_and_ends(served: Served, page: Page) -> None:
+    process, address = served.serve()
+    other = Page(address)
+    with other.beating():
+        assert other.ask('enable', hold=True)['ok'] and served.enabled
+        process.signal(signal.SIGINT)
+        assert process.end() == 0
+    until(lambda: not served.enabled)
+    assert process.own_lines[-1] == 'note: stopped'
+
+
+def test_a_port_that_is_taken_is_named() -> None:
+    with closing(socket.socket()) as taken:
+        taken.bind(('127.0.0.1', 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(UserError, match=f'port {port}: Address already in use; --port 0'):
+            serve(Asked(controller='/x', port=port), lambda address, name: None)
+
+
+def test_a_server_can_be_for_reading_only(served: Served) -> None:
+    process, address = served.serve('--read-only')
+    page = Page(address)
+    assert page.hello['read_only'] and not page.hello['operator'] and not page.hello['faults']
+    served.enable()
+    for do in ('stop', 'apply', 'enable', 'back', 'take_over', 'pin', 'fault'):
+        answer = page.ask(do, values={'b0': 2.0}, hold=False, on=True)
+        assert not answer['ok'] and '--read-only' in answer['text'], do
+    assert served.enabled and page.ask('save')['ok'] and page.ask('predict', values={})['ok']
+    served.enable(False)
+    os.kill(process.popen.pid, signal.SIGINT)
+    assert process.end() == 0
