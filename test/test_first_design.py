@@ -216,7 +216,7 @@ def test_the_experiment_lasts_for_three_cycles_of_a_slow_disturbance(frequency: 
 
 def test_a_delay_that_no_controller_takes_is_refused_by_its_own_name() -> None:
     with pytest.raises(SettingError, match=r'^delay = 10\.0: must be at most 1 s'):
-        Requirements(settling_time=400.0, delay=10.0, rate=100.0)
+        first_design(Requirements(settling_time=400.0, delay=10.0, rate=100.0))
 
 
 def test_each_candidate_that_is_not_taken_has_a_reason_of_its_own() -> None:

@@ -45,17 +45,18 @@ class Field:
     shape: tuple[int, ...]
 
 
-def _fields(thing: Design | State) -> list[str]:
-    """Return the fields that are numbers of the array, in its order."""
-    fields = [field.name for field in attrs.fields(type(thing)) if field.init]
-    return [name for name in fields if not (isinstance(thing, Design) and name in SHAPE)]
+# The fields that are numbers of an array, in its order.
+_FIELDS: dict[type[Any], list[str]] = {
+    cls: [f.name for f in attrs.fields(cls) if f.init and (cls is State or f.name not in SHAPE)]
+    for cls in (Design, State)
+}
 
 
 def layout(thing: Design | State) -> dict[str, Field]:
     """Return where the numbers of a design or of a state are in its array."""
     fields: dict[str, Field] = {}
     end = 0
-    for name in _fields(thing):
+    for name in _FIELDS[type(thing)]:
         shape = np.shape(getattr(thing, name))
         fields[name] = Field(end, shape)
         end += prod(shape)
@@ -65,7 +66,7 @@ def layout(thing: Design | State) -> dict[str, Field]:
 def flat(thing: Design | State) -> Array:
     """Return the numbers of a design or of a state as one array."""
     numbers: list[float] = []
-    for name in _fields(thing):
+    for name in _FIELDS[type(thing)]:
         value = getattr(thing, name)
         if not isinstance(value, list):
             numbers.append(value)

@@ -258,8 +258,9 @@ def _agrees(
 
 def fields_of(thing: Any) -> Any:
     """Return the numbers, and the lists of numbers, that ``thing`` has, as a named tuple."""
-    found = {name: _constant(getattr(thing, name, None)) for name in dir(thing)}
-    found = {name: v for name, v in found.items() if v is not None and name[0] != '_'}
+    names = [name for name in dir(thing) if name[0] != '_']
+    found = {name: _constant(getattr(thing, name, None)) for name in names}
+    found = {name: value for name, value in found.items() if value is not None}
     return _fields('Fields(' + ' '.join(found) + ')')(**found)
 
 

@@ -82,7 +82,7 @@ class Loop:
         self.fed = np.zeros(0)
         self.acting: float | None = None
         self.noise_start = 0
-        self._newest = SentSample(nan, -1.0, -1)
+        self._newest = SentSample(nan, -1.0, -2)  # the first period is not as the others
         self._settings = settings
         own = self.controller.settings
         self._listens, self._fed = own.applied_timeout > 0.0, own.feed_forward_timeout > 0.0

@@ -112,9 +112,9 @@ def open_response(loop: Loop) -> Callable[[ArrayLike], Complex]:
 
     def at(omega: ArrayLike) -> Complex:
         s = 1j * np.asarray(omega, dtype=float)
-        by_command, by_output = np.moveaxis(law(omega)[..., 0, :], -1, 0)
+        of_law = law(omega)[..., 0, :]
         late = np.exp(-loop.dead_time * s)
-        alone = by_output / (1.0 - loop.told(s) * by_command)
+        alone = of_law[..., 1] / (1.0 - loop.told(s) * of_law[..., 0])
         return np.asarray(-plant(omega)[..., 0, 0] * late * alone)
 
     return at

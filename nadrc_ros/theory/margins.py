@@ -11,6 +11,7 @@ G. Zito, Digital Control Systems, 2006, ch. 2.6 (modulus and delay margin).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import inf, isfinite, pi
 from typing import NamedTuple
 
@@ -69,9 +70,10 @@ def loop_margins(closed: Loop, points: int = 3000) -> Margins:
     h = closed.h
     if not is_stable_loop(closed):
         return UNSTABLE
-    loop = open_response(closed)
+    respond = open_response(closed)
+    loop = cache(respond)  # the ends of brackets, and what was found, are asked for again
     omega = loop_grid(closed, points)
-    values = loop(omega)
+    values = respond(omega)
     size = np.log(np.abs(values))
     brackets = _changes(size)
     crossings = _roots(omega, brackets, lambda w: float(np.log(np.abs(loop(w)))))

@@ -41,6 +41,7 @@ SWITCHES = frozenset(
         *('command_rate_limit', 'feed_forward_timeout'),
     )
 )
+_NAMES = tuple(field.name for field in attrs.fields(Design) if field.init)
 # Vectors that are looked up at places which are known at run time only.
 _LOOKED_UP = frozenset(('delay_line', 'fed_line', 'b0_table'))
 
@@ -48,15 +49,13 @@ _LOOKED_UP = frozenset(('delay_line', 'fed_line', 'b0_table'))
 def shape_of(design: Design) -> tuple[Any, ...]:
     """Return what of a design the code depends on."""
     shape: list[Any] = []
-    for field in attrs.fields(Design):
-        if not field.init:
-            continue
-        value = getattr(design, field.name)
-        if field.name in SHAPE:
+    for name in _NAMES:
+        value = getattr(design, name)
+        if name in SHAPE:
             shape.append(tuple(value) if isinstance(value, list) else value)
         elif isinstance(value, list):
             shape.append(len(value))
-        elif field.name in SWITCHES:
+        elif name in SWITCHES:
             shape.append(value > 0.0)
     return tuple(shape)
 

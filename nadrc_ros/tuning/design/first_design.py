@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import bandwidths, make_design
+from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import SLOWEST_RATE
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.noise import Noise
@@ -220,9 +221,15 @@ def first_design(wanted: Requirements) -> FirstDesign:
     ------
     Conflict
         When there is none.
+    SettingError
+        For a delay of more periods than a controller keeps commands of.
 
     """
     found = candidates(wanted)
+    try:
+        found[0].settings.check_rate(wanted.rate)
+    except SettingError as error:
+        raise SettingError('delay', error.value, error.allowed) from None
     best = advised(found)
     named = {(c.settings.structure, c.levels): c for c in found}
     chosen = next((named[key] for key in asked(wanted)), best)

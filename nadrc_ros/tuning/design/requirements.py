@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import attrs
-from nadrc_ros.adrc.errors import SettingError, UserError
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.settings import (
     ControllerSettings,
@@ -126,19 +126,13 @@ class Requirements:
 
     def __attrs_post_init__(self) -> None:
         # What a controller refuses of them is refused here.
-        settings = ControllerSettings(
+        ControllerSettings(
             plant_order=self.order,
             plant_poles=self.plant_poles,
             disturbance_frequencies=self.disturbance_frequencies,
-            input_delay=self.delay,
             measurement_timeout=0.0,
             max_dt=LONGEST,
-        )
-        try:
-            settings.check_rate(self.rate)
-        except SettingError as error:
-            name = 'delay' if error.name == 'input_delay' else error.name
-            raise SettingError(name, error.value, error.allowed) from None
+        ).check_rate(self.rate)
 
     @property
     def poles(self) -> tuple[float, ...]:

@@ -48,12 +48,27 @@ def make_sampler(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]
 
 
 def _nsga2(tuning: TuneSettings, seed: int) -> BaseSampler:
-    return NSGAIISampler(
+    return _OneGeneration(
         population_size=tuning.population,
         crossover=BLXAlphaCrossover(),
         mutation=PolynomialMutation(eta=CLOSE),
         seed=seed,
     )
+
+
+class _OneGeneration(NSGAIISampler):
+    """NSGA-II for one generation, whose number it does not count anew for each trial."""
+
+    _number: int | None = None
+
+    def get_trial_generation(self, study: Study, trial: FrozenTrial) -> int:
+        """Return the number of the generation, and let the trial know it."""
+        key = self._get_generation_key()
+        if self._number is None:
+            self._number = super().get_trial_generation(study, trial)
+        elif key not in trial.system_attrs:
+            study._storage.set_trial_system_attr(trial._trial_id, key, self._number)
+        return self._number
 
 
 def _cmaes(tuning: TuneSettings, seed: int, history: Sequence[FrozenTrial]) -> BaseSampler:

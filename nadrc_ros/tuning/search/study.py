@@ -91,8 +91,9 @@ class TuningStudy:
 
     Attributes
     ----------
-    known, best
-        How many trials are scored so far, and the best before the last generation in a few words.
+    known, total, best
+        How many trials are scored so far, how many there are in the end, for generations are
+        whole, and the best before the last generation in a few words.
 
     """
 
@@ -117,6 +118,7 @@ class TuningStudy:
             storage=storage, study_name=self.name, directions=self.directions, load_if_exists=True
         )
         self.known = self.done
+        self.total = self._total()
         self.best = ''
 
     def trials(self) -> list[Trial]:
@@ -128,9 +130,7 @@ class TuningStudy:
         """Return how many trials are stored."""
         return len(self.stored.get_trials(deepcopy=False))
 
-    @property
-    def total(self) -> int:
-        """Return how many trials there are in the end: generations are whole."""
+    def _total(self) -> int:
         later = max(0, self.tuning.trials - self.first)
         size = self.tuning.population
         return max(self.first + ceil(later / size) * size, self.done)
@@ -169,6 +169,7 @@ class TuningStudy:
                     score.cancel()
             finished = memory.get_trials(deepcopy=False)[len(history) :]
             self.stored.add_trials(finished[begun:])
+            self.total = self._total()  # others may have added theirs
 
     def _tell(self, memory: optuna.Study, trial: optuna.Trial, score: Score) -> None:
         trial.set_user_attr('worker', self.worker)
