@@ -113,7 +113,7 @@ def test_the_figures_are_those_of_the_recorder_to_the_bit(error: str, tmp_path: 
     assert {key: rebuilt[key] for key in recorded} == recorded
     assert rebuilt['metrics']['skipped'] == 1
     assert rebuilt['metrics']['saturated_fraction'] > 0.3
-    told = {'format', 'samples_lost', 'samples_lost_by_signal', 'complete'}
+    told = {'format', 'samples_lost', 'samples_lost_by_signal', 'commands_before', 'complete'}
     assert rebuilt.keys() == {*recorded, *told}
     # what the samples do not tell is not made up
     assert (rebuilt['samples_lost'], rebuilt['complete']) == (None, None)

@@ -222,13 +222,19 @@ class Operator:
             for topic, name in missing_readers(self._node, f'/{loop.name}', expected):
                 return f'reader {name} of {topic}'
             heard = self.diagnostics.get(f'/{loop.name}/controller', {})
+            readers = expected[f'/{loop.name}/command']
+            if int(heard.get('command_readers', 0)) < len(readers):
+                return f'reader {" or ".join(readers)} of command at /{loop.name}/controller'
             signals = {'reference'} if loop.blind else {'measurement', 'reference'}
             for signal in sorted(signals):
                 if not isfinite(float(heard.get(f'{signal}_age', 'inf'))):
                     return f'{signal} at /{loop.name}/controller'
-            waiting = self.diagnostics.get(f'/{loop.name}/recorder', {}).get('waiting_for', 'all')
+            recorder = self.diagnostics.get(f'/{loop.name}/recorder', {})
+            waiting = recorder.get('waiting_for', 'all')
             if not {'all', 'output', *signals}.isdisjoint(waiting.split()):
                 return f'signals at /{loop.name}/recorder'
+            if 'command' in recorder['unmatched'].split():
+                return f'command at /{loop.name}/recorder'
             for client in (self._enable[loop.name], self._set[loop.name]):
                 if not client.service_is_ready():
                     return f'service {client.srv_name}'

@@ -312,6 +312,7 @@ class ControllerNode(LiveNode):
                 **self._times.counts(),
                 'lease_left': self._lease.left,
                 'measurement_publishers': self.count_publishers(self.inputs[0].topic),
+                'command_readers': self._command.publisher.get_subscription_count(),
                 **self.latencies.summary(),
                 **self._wiring.report(),
                 **self._commission.report(),

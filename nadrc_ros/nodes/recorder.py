@@ -16,7 +16,7 @@ from typing import Any
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
-from nadrc_ros.nodes.recorder_intake import Intake
+from nadrc_ros.nodes.recorder_intake import Intake, late
 from nadrc_ros.nodes.recorder_settings import make_units, RecorderSettings, unit_fields
 from nadrc_ros.records.figures import Figures, summary
 from nadrc_ros.records.history import (
@@ -142,7 +142,11 @@ class RecorderNode(LiveNode):
             return
         if length is None:
             length = self.figures.stop or self.figures.last
-        self.get_logger().info(f'{length:.4g} s are recorded in {self.folder.path}')
+        said = f'{length:.4g} s are recorded in {self.folder.path}'
+        if self.intake.commands_before:
+            self.get_logger().warning(f'{said}; {late(self.intake.commands_before)}')
+        else:
+            self.get_logger().info(said)
 
     def _about(self, folder: RunFolder) -> dict[str, Any]:
         color = self.settings.color
@@ -160,6 +164,7 @@ class RecorderNode(LiveNode):
         return summary(self.figures) | {
             'samples_lost': None if by_signal is None else sum(by_signal.values()),
             'samples_lost_by_signal': by_signal,
+            'commands_before': self.intake.commands_before,
             'complete': not self.recording,
         }
 
@@ -297,6 +302,7 @@ class RecorderNode(LiveNode):
             'gap_time': gap_time,
             'clock_jumps': self.intake.clock_jumps,
             'waiting_for': ' '.join(unheard),
+            'unmatched': ' '.join(self.intake.unmatched()),
             'folder': self.folder.path,
         }
         first = [name for name in ('measurement', 'command') if name in unheard]

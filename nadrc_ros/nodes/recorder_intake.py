@@ -45,8 +45,9 @@ class Intake:
 
     Times are of the steady clock of this machine, in simulated time of ``/clock``: there a sample
     left when it came, and where that clock goes back, time stands still. ``clock_jumps`` counts
-    how often in the run the clock of a publisher turned out to be another one than it was. In
-    lockstep the samples come to the node itself, and here is nothing.
+    how often in the run the clock of a publisher turned out to be another one than it was.
+    ``commands_before`` is how many commands were sent before the first that came, None until that
+    is known. In lockstep the samples come to the node itself, and here is nothing.
     """
 
     def __init__(
@@ -130,6 +131,7 @@ class Intake:
         """Begin anew; stamps count from the time ``begin`` of the wall clock [ns]."""
         self.open = True
         self.clock_jumps = 0
+        self.commands_before: int | None = None
         self._jumps: list[tuple[int, str, str]] = []
         self._rows = Rows(list(self.losses), self._duration * _SECOND)
         self._rows.period = self._period
@@ -147,6 +149,11 @@ class Intake:
             return None
         lost = {**self.lost, 'measurement': self.lost['measurement'] + self._rows.late}
         return {name: n for name, n in lost.items() if n}
+
+    def unmatched(self) -> list[str]:
+        """Return the signals that no publisher sends to us, whatever the graph says."""
+        pairs = zip(self._topics, self._node.inputs)
+        return [name for name, each in pairs if not each.subscription.get_publisher_count()]
 
     def unheard(self) -> list[str]:
         """Return the signals of which nothing came in this run."""
@@ -233,10 +240,17 @@ class Intake:
 
     def take(self, name: str, value: float, info: Info) -> None:
         """Take a sample of a signal."""
-        lost = self.losses[name].before(info['publication_sequence_number'])
+        number = info['publication_sequence_number']
+        first = not self.losses[name].newest
+        lost = self.losses[name].before(number)
         moment = self.left(name, info)
         if not self.open:
             return
+        if name == 'command' and self.commands_before is None and number is not None:
+            # What came before a run that was begun anew was not missed, but in the run before.
+            self.commands_before = number - 1 if first else 0
+            if self.commands_before:
+                self._jumps.append((moment, 'late', late(self.commands_before)))
         stamp = nan
         if name in STAMPED and info['source_timestamp']:
             stamp = (info['source_timestamp'] - self._begin) / _SECOND
@@ -256,3 +270,8 @@ class Intake:
             if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
                 qos.reliability = ReliabilityPolicy.BEST_EFFORT
         return qos
+
+
+def late(commands: int) -> str:
+    """Return what to say of so many commands that came before the recorder."""
+    return f'{commands} commands were sent before the first one that was recorded'

@@ -257,5 +257,6 @@ def summarise(folder: Path) -> dict[str, Any]:
     return summary(figures_of(columns, settings, read_history(folder), stop=stop)) | {
         'samples_lost': None,
         'samples_lost_by_signal': None,
+        'commands_before': None,
         'complete': False if cut else None,
     }

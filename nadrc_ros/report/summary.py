@@ -146,6 +146,8 @@ def losses(run: RecordedRun) -> list[str]:
         found.append(
             f'lacks {lost} samples that the recorder lost{f" ({named})" if named else ""}'
         )
+    if isinstance(before := summary.get('commands_before'), int) and before:
+        found.append(f'begins late: {before} commands were sent before the first that is recorded')
     if summary.get('complete') is not True and run.figures is not None:
         found.append('was not ended by the recorder: these are the samples that it saved')
     if run.gap_time:

@@ -23,7 +23,7 @@ PLANT: dict[str, Any] = {
     'disturbance_amplitude': 5.0,
 }
 LIMITS: dict[str, Any] = {'command_min': -3.0, 'command_max': 3.0}
-DERIVED = ('stop', 'samples_lost', 'samples_lost_by_signal', 'complete')
+DERIVED = ('stop', 'samples_lost', 'samples_lost_by_signal', 'commands_before', 'complete')
 
 
 def recorders(start: Processes, directory: Path, count: int) -> dict[str, NodeProcess]:

@@ -16,7 +16,9 @@ from nadrc_ros.records.figures import summarise
 from nadrc_ros.records.history import read_history
 from nadrc_ros.records.read_run import read_runs
 from nadrc_ros.records.recording import read_samples, RunFolder, RunSettings, SAMPLES, SUMMARY
+from nadrc_ros.report.summary import summary_of
 from nadrc_ros.ros.diagnostics import OK, WARN
+from nadrc_ros.ros.stamps import Losses
 from probe import Probe, Processes
 import pytest
 from rclpy.qos import qos_profile_sensor_data, ReliabilityPolicy
@@ -56,6 +58,27 @@ def test_a_lost_measurement_leaves_a_gap_and_is_counted(
     assert not summary['complete']
     feed.probe.trigger('recorder/reset')
     assert sum(feed.intake.lost.values()) == 0
+
+
+def test_commands_that_were_sent_before_a_late_recorder_are_counted(
+    make_probe: Callable[..., Probe], tmp_path: Path
+) -> None:
+    feed = Feed(make_probe, tmp_path)
+    feed.samples(2)
+    assert feed.recorder._summary()['commands_before'] == 0  # the run was begun anew
+    sent = feed.intake.losses['command'].newest
+    feed.intake.losses['command'] = Losses()  # as if it had just been started
+    feed.probe.trigger('recorder/reset')
+    folder = feed.recorder.folder.path
+    feed.samples(5)
+    feed.probe.trigger('recorder/reset')
+    assert json.loads((folder / SUMMARY).read_text())['commands_before'] == sent
+    said = f'{sent} commands were sent before the first'
+    (event,) = read_history(folder).events
+    assert event.kind == 'late' and event.time == pytest.approx(0.0, abs=0.1)
+    assert event.message.startswith(said)
+    runs = read_runs([folder])
+    assert f'The run begins late: {said}' in summary_of(runs, [])
 
 
 def test_what_hears_nothing_warns(make_probe: Callable[..., Probe], tmp_path: Path) -> None:
