@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 from math import nan
+from pathlib import Path
+import re
 
 from nadrc_ros.live.access import Access
 from nadrc_ros.live.blocks import DROPPED, pack, Ring, thin, unpack
@@ -170,6 +172,18 @@ def test_p22_a_page_that_takes_no_messages_is_given_up() -> None:
             outbox.tell({'type': 'event'})
 
     asyncio.run(go())
+
+
+def test_the_protocol_is_written_down() -> None:
+    root = Path(__file__).parents[1]
+    text = (root / 'docs' / 'live_protocol.md').read_text(encoding='utf-8')
+    sources = sorted((root / 'nadrc_ros' / 'live').glob('*.py'))
+    code = '\n'.join(path.read_text(encoding='utf-8') for path in sources)
+    types = set(re.findall(r"'type': '(\w+)'", code))
+    asked = set(re.findall(r"^ +'(\w+)': self\._\w+,$", code, re.MULTILINE)) | {'stop', 'beat'}
+    assert len(types) == 9 and len(asked) == 14
+    assert all(f'| `{name}` |' in text for name in types), types
+    assert all(re.search(rf'^\| [^|]*`{name}`', text, re.MULTILINE) for name in asked), asked
 
 
 def test_json_has_null_for_what_is_no_number() -> None:

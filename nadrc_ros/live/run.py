@@ -80,6 +80,7 @@ def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[st
             namespace, name = _names(asked)
             monitor = Monitor(
                 namespace=namespace,
+                node_name=f'live_{sockets[0].getsockname()[1]}',  # there may be several
                 parameters={'controller': name, 'read_only': asked.read_only},
             )
             with _spinning(monitor) as alive:
