@@ -31,14 +31,18 @@ ARROWS = {
         *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'theory', 'ros'),
         'nodes',
     },
+    'commission': {
+        *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'nodes'),
+        *('demo', 'live', 'wiring'),
+    },
     'testing': {'adrc', 'simulation', 'scenario', 'records', 'report', 'ros', 'nodes', 'demo'},
     'cli': {
         *('adrc', 'simulation', 'scenario', 'records', 'report', 'tuning', 'ros', 'demo'),
-        *('live', 'export', 'wiring'),
+        *('live', 'commission', 'export', 'wiring'),
     },
 }
 PURE = {'adrc', 'simulation', 'wiring'}
-WITH_ROS = {'ros', 'nodes', 'demo', 'live', 'testing', 'cli'}
+WITH_ROS = {'ros', 'nodes', 'demo', 'live', 'commission', 'testing', 'cli'}
 IMPURE = {
     *('rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'diagnostic_msgs', 'ament_index_python'),
     *('time', 'datetime', 'logging', 'os', 'pathlib', 'io', 'sys', 'random', 'secrets', 'socket'),

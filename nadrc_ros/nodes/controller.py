@@ -311,6 +311,8 @@ class ControllerNode(LiveNode):
                 'measurements_overwritten': self._overwritten,
                 **self._times.counts(),
                 'lease_left': self._lease.left,
+                'measurement_topic': self.inputs[0].topic,
+                'command_topic': self._command.topic,
                 'measurement_publishers': self.count_publishers(self.inputs[0].topic),
                 'command_readers': self._command.publisher.get_subscription_count(),
                 **self.latencies.summary(),
