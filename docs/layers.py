@@ -12,6 +12,7 @@ FLOORS = (
         ('cli', 'the nadrc command line', WITH_ROS),
         ('testing', "loops in a user's pytest", WITH_ROS),
     ),
+    (('commission', 'from an unknown machine to a tuned loop', WITH_ROS),),
     (
         ('demo', 'a scenario as processes on the graph', WITH_ROS),
         ('live', 'a running loop on a page: see it, tune it', WITH_ROS),

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from nadrc_ros.adrc.errors import near_to
 from nadrc_ros.cli import messages
+from nadrc_ros.cli.commission import commission
 from nadrc_ros.cli.demo import demo
 from nadrc_ros.cli.design import design
 from nadrc_ros.cli.export import export
@@ -37,6 +38,7 @@ COMMANDS = (
     live,
     report,
     identify,
+    commission,
     sweep,
     tune,
     export,

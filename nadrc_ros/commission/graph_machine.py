@@ -113,8 +113,8 @@ class GraphMachine:
     ----------
     name
         Full name of the controller node.
-    parameters
-        All that it has, by name.
+    values
+        Its parameters, by name.
     topics
         Where its measurement and its command are.
     rate, present
@@ -133,15 +133,15 @@ class GraphMachine:
         )
         self._keep = Sender(node, f'{name}/keep')
         self._rows = RowsReader(node, name)
-        self._values: dict[str, str] = {}
+        self._told: dict[str, str] = {}
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_report, 10)
         self._alive = 0.0
         self._over = Event()
         self._beating = False
         self.read()
-        self._await(lambda: 'measurement_topic' in self._values, f'{name} says nothing of itself')
+        self._await(lambda: 'measurement_topic' in self._told, f'{name} says nothing of itself')
         self.topics = {
-            signal: self._values[f'{signal}_topic'] for signal in ('measurement', 'command')
+            signal: self._told[f'{signal}_topic'] for signal in ('measurement', 'command')
         }
         self._heard: list[tuple[float, float, float]] = []
         receive(node, self.topics['measurement'], self._hear, _HEAR, wire=self._wire())
@@ -162,19 +162,19 @@ class GraphMachine:
         getting = self._node.create_client(GetParameters, f'{self.name}/get_parameters')
         names = list(self._call(listing, ListParameters.Request()).result.names)
         values = self._call(getting, GetParameters.Request(names=names)).values
-        self.parameters: dict[str, Any] = {
+        self.values: dict[str, Any] = {
             name: parameter_value_to_python(value) for name, value in zip(names, values)
         }
         for client in (listing, getting):
             self._node.destroy_client(client)
-        known = {k: v for k, v in self.parameters.items() if k in declared(ControllerSettings)}
+        known = {k: v for k, v in self.values.items() if k in declared(ControllerSettings)}
         self.present = build(ControllerSettings, known)
-        self.rate = float(self.parameters['rate'])
+        self.rate = float(self.values['rate'])
 
     @property
     def enabled(self) -> bool:
         """Tell whether the loop was closed by the last report."""
-        return self._values.get('enabled') == 'True'
+        return self._told.get('enabled') == 'True'
 
     @property
     def writers(self) -> list[str]:
@@ -326,10 +326,10 @@ class GraphMachine:
             time.sleep(_LOOK)
 
     def _wire(self) -> Wire | None:
-        given = self.parameters.get(f'{PREFIX}measurement', '')
+        given = self.values.get(f'{PREFIX}measurement', '')
         if not given:
             return None
-        stamp = self.parameters[f'{PREFIX}stamp']
+        stamp = self.values[f'{PREFIX}stamp']
         return make_wire(self._node, 'measurement', parse_address(given), stamp, _ANSWER)
 
     def _hear(self, value: float, info: Info) -> None:
@@ -339,7 +339,7 @@ class GraphMachine:
     def _on_report(self, array: DiagnosticArray) -> None:
         for status in array.status:
             if status.name == self.name:
-                self._values = {pair.key: pair.value for pair in status.values}
+                self._told = {pair.key: pair.value for pair in status.values}
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from typing import Any
 
 import attrs
 from bokeh.embed import components
 from bokeh.layouts import column
+from bokeh.model import Model
 from bokeh.models import BoxZoomTool, PanTool, ResetTool
 from bokeh.resources import INLINE
 from nadrc_ros.report.canvas import base, line_look
@@ -35,7 +37,7 @@ class Step:
 
 def page(title: str, steps: Sequence[Step]) -> str:
     """Return the whole page, which needs nothing else, not even a network."""
-    plots = {
+    plots: dict[str, Model] = {
         f'{i}': column(*map(_plots, step.samples), sizing_mode='stretch_width')
         for i, step in enumerate(steps)
         if any(len(samples.time) for samples in step.samples)
@@ -45,9 +47,8 @@ def page(title: str, steps: Sequence[Step]) -> str:
     for i, step in enumerate(steps):
         said = ''.join(f'<p>{escape(line)}</p>' for line in step.lines)
         drawn = divisions.get(f'{i}', '')
-        parts.append(
-            f'<section><h2>{escape(step.title)}</h2>{said}<div class="plot">{drawn}</div></section>'
-        )
+        head = f'<h2>{escape(step.title)}</h2>'
+        parts.append(f'<section>{head}{said}<div class="plot">{drawn}</div></section>')
     return (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -56,14 +57,14 @@ def page(title: str, steps: Sequence[Step]) -> str:
     )
 
 
-def _plots(samples: Samples) -> object:
+def _plots(samples: Samples) -> Any:
     """Return the output above the command, with one time axis."""
     time = samples.time - (samples.time[0] if len(samples.time) else 0.0)
     look = looks(['run'])['run']
     drawn = [('output', samples.measurement)]
     if np.isfinite(samples.command).any():
         drawn.append(('command', samples.command))
-    figures = []
+    figures: list[Any] = []
     for name, values in drawn:
         more = {'x_range': figures[0].x_range} if figures else {}
         figure = base(name, 'time [s]', **more)

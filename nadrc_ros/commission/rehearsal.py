@@ -1,4 +1,4 @@
-"""A rehearsal of commissioning: a plant and a controller node of our own, whose truth is hidden."""
+"""A rehearsal of commissioning: a plant and a controller of our own, with the truth hidden."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER, parameter_text, P
 
 NAMESPACE = '/rehearsal'
 # Faster than that no rehearsal need be: the machine that does it has other things to do [Hz].
-_FASTEST = 200.0
+_FASTEST = 500.0
 # A node has so long to end before it is killed [s].
 _STOP_TIME = 3.0
 # What a controller node may know of a plant that nobody knows yet.
@@ -122,7 +122,7 @@ class Rehearsal:
             'rate': self.rate,
             'start': 'at_once',
             'command_timeout': command_timeout(self.rate),
-            'noise_sample_time': max(scenario.noise.sample_time, 1.0 / self.rate),
+            'noise_sample_time': 1.0 / self.rate,
         }
         made = scenario.plant.make()
         self.truth = Truth(

@@ -1,0 +1,301 @@
+"""The five steps of `nadrc commission`, with somebody who answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+from nadrc_ros.adrc.errors import UserError
+from nadrc_ros.adrc.fields import declared
+from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.atomic import write_whole
+from nadrc_ros.cli.messages import error, note, say, warning
+from nadrc_ros.cli.progress import progress
+from nadrc_ros.commission.page import page, Step
+from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER, parameter_text
+from nadrc_ros.tuning.commission import steps
+import typer
+
+if TYPE_CHECKING:
+    from nadrc_ros.adrc.commission.settings import ExperimentSettings
+    from nadrc_ros.commission.graph_machine import GraphMachine
+    from nadrc_ros.commission.rehearsal import Rehearsal
+    from nadrc_ros.tuning.commission.say import Finding
+
+# The proposed largest command, as a share of its range.
+_SHARE = 0.05
+_PAGE = 'commission.html'
+# What a parameter file of a node need not say.
+_NOT_OURS = ('qos_overrides.', 'use_sim_time', 'start_type_description_service')
+# A step up in speed, in times of the fastest settling time that is sound.
+_FASTER = 1.4
+
+
+class Session:
+    """The five steps with somebody who answers, and what the report has of them."""
+
+    def __init__(
+        self,
+        machine: GraphMachine,
+        out: Path,
+        file: Path,
+        yes: bool,
+        rehearsal: Rehearsal | None,
+    ) -> None:
+        self.machine = machine
+        self.actuator_timeout: float | None = None
+        self.refused = False
+        self._out, self._file, self._yes = out, file, yes
+        self._rehearsal = rehearsal
+        self._steps: list[Step] = []
+
+    def go(self, asked: dict[str, float | None]) -> None:
+        """Do the steps, as far as they go."""
+        machine = self.machine
+        self._begin()
+        base = self._bounds(asked)
+        self._say('1 of 5: look', 'For 2 s the output is watched, and nothing is sent.')
+        seen = steps.look(machine)
+        if not self._note('Look', seen, (seen.samples,)):
+            return
+        self._actuator()
+        nudging = (
+            'Short pulses, growing from almost nothing, go up and down until the output moves: '
+            'that shows which way it goes, and how much it needs to start.'
+        )
+        if not self._ask('2 of 5: nudge', nudging, 'Send these pulses?'):
+            return
+        with progress('nudging', base.longest, unit='s'):
+            nudged = steps.nudge(machine, base, seen)
+        if not self._note('Nudge', nudged, (nudged.samples,)):
+            return
+        exciting = (
+            'Pulses to and fro, sized so that the output stays inside its bounds, until b0 is '
+            f'known to 10 %; at most {base.longest:g} s.'
+        )
+        if not self._ask('3 of 5: excite', exciting, 'Send them?'):
+            return
+        with progress('exciting', base.longest, unit='s'):
+            excited = steps.excite(machine, base, seen, nudged)
+        if not self._note('Excite', excited, excited.samples):
+            return
+        self._say('4 of 5: say', 'What this machine is, and what a controller of it would be.')
+        finding = steps.say(machine, base, seen, excited)
+        if not self._note('Say', finding, ()):
+            return
+        self._show(finding)
+        if self._try(base, seen, excited, finding):
+            self._truth(finding)
+
+    def _try(self, base: ExperimentSettings, seen: Any, excited: Any, finding: Any) -> bool:
+        """Try what was found, faster if wanted, and accept it; return whether it was."""
+        trying = (
+            f'A controller with these values takes over, moves the output by {finding.step:.3g} '
+            'and back, and is compared with the prediction. If it does worse, it is over at once. '
+            'The parameters of the node stay as they are.'
+        )
+        if not self._ask('5 of 5: try', trying, 'Try them?'):
+            return False
+        trial = steps.attempt(self.machine, base, seen, finding)
+        if not self._note('Try', trial, (trial.samples,)):
+            return False
+        faster = steps.say(self.machine, base, seen, excited, slower=_FASTER)
+        if not faster.refusal and faster.settling_time < 0.95 * finding.settling_time:
+            text = (
+                f'Margins and noise allow a settling time of {faster.settling_time:.3g} s instead '
+                f'of {finding.settling_time:.3g} s.'
+            )
+            if self._ask('5 of 5: try, faster', text, 'Try that as well?'):
+                quick = steps.attempt(self.machine, base, seen, faster)
+                if self._note('Try, faster', quick, (quick.samples,), refuse=False):
+                    finding = faster
+        return self._accept(finding)
+
+    # ---- what is asked, and said ----
+
+    def _begin(self) -> None:
+
+        machine = self.machine
+        topics = machine.topics
+        say(
+            f'{machine.name}: {machine.rate:g} Hz, measurement {topics["measurement"]}, '
+            f'command {topics["command"]} within {machine.present.command_min:g} to '
+            f'{machine.present.command_max:g}.'
+        )
+        say(
+            'Keep an emergency stop within reach: this program is none. Ctrl-C ends any step; '
+            'the machine then goes to its safe command.'
+        )
+        if machine.enabled:
+            raise UserError(f'{machine.name} is enabled: call {machine.name}/enable with false')
+        for writer in machine.writers:
+            warning(f'{writer} can command too: experiments end as soon as it does')
+
+    def _bounds(self, asked: dict[str, float | None]) -> ExperimentSettings:
+
+        present = self.machine.present
+        usual = _SHARE * (present.command_max - present.command_min)
+        center = present.safe_command if asked['center'] is None else asked['center']
+        questions = {
+            'max_command': f'How far may the command go from {center:g}? (command unit)',
+            'travel': 'How far may the output go from where it is now? (output unit)',
+            'speed': 'How fast may it move? (output unit per second)',
+        }
+        given: dict[str, Any] = dict(asked)
+        for name, question in questions.items():
+            if given[name] is None:
+                given[name] = self._number(
+                    name, question, usual if name == 'max_command' else None
+                )
+        return steps.bounds(self.machine, **given)
+
+    def _number(self, name: str, question: str, usual: float | None) -> float:
+
+        option = '--' + name.replace('_', '-')
+        if self._yes or not sys.stdin.isatty():
+            if usual is None:
+                raise UserError(f'{option} is needed: only who owns the machine knows it')
+            note(f'{option} {usual:g}: 5 % of the range of the command')
+            return usual
+        answer: float = typer.prompt(question, default=usual, type=float)
+        return answer
+
+    def _actuator(self) -> None:
+        """Ask what the actuator does when nobody commands."""
+        if self.actuator_timeout is not None:
+            text = f'The actuator stops {self.actuator_timeout:g} s after the last command.'
+        elif self._yes or not sys.stdin.isatty():
+            text = 'Nobody said whether the actuator has a timeout of its own.'
+        elif typer.confirm('Does the actuator stop by itself without commands?', default=False):
+            text = 'The actuator has a timeout of its own.'
+        else:
+            text = (
+                'The actuator has no timeout of its own: if the controller dies, its last command '
+                'stays. Give it one before it runs without you beside it.'
+            )
+            warning(text)
+        self._record('Actuator', [text])
+
+    def _say(self, title: str, text: str) -> None:
+        typer.echo('')
+        say(f'Step {title}')
+        say(text)
+
+    def _ask(self, title: str, text: str, question: str) -> bool:
+        """Explain a step and ask for it; no is the answer of who says nothing."""
+        self._say(title, text)
+        if self._yes:
+            return True
+        if not sys.stdin.isatty():
+            raise UserError(f'{question} Nobody is here to answer: --yes answers every question')
+        if typer.confirm(question, default=False):
+            return True
+        say('Nothing more is sent, and nothing was changed.')
+        return False
+
+    def _note(
+        self, title: str, result: Any, samples: tuple[Any, ...], refuse: bool = True
+    ) -> bool:
+        """Tell the result of a step, and whether it may go on."""
+        lines = list(result.lines)
+        for line in lines:
+            if line != result.refusal:
+                say(line)
+        self._record(title, lines, samples)
+        if result.refusal:
+            (error if refuse else warning)(result.refusal)
+            self.refused = self.refused or refuse
+            if refuse:
+                say('Nothing was changed.')
+        return not result.refusal
+
+    def _record(self, title: str, lines: list[str], samples: tuple[Any, ...] = ()) -> None:
+
+        self._steps.append(Step(title=title, lines=lines, samples=samples))
+
+    def _show(self, finding: Finding) -> None:
+        """Show what would change."""
+        changed = [
+            f'{name}: {_text(now)} -> {_text(new)}'
+            for name, (now, new) in finding.difference.items()
+        ]
+        say('Parameters that would change:')
+        for line in changed:
+            typer.echo(f'  {line}')
+        self._record('Parameters', changed)
+
+    def _accept(self, finding: Finding) -> bool:
+        """Write what was found, if it is accepted, then let the node have it."""
+        text = f'They are written to {self._file} first, then set on the node.'
+        if not self._ask('done', text, 'Accept these parameters?'):
+            return False
+        new = {name: after for name, (_, after) in finding.difference.items()}
+        whole = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in {**self.machine.values, **new}.items()
+            if not name.startswith(_NOT_OURS) and value is not None
+        }
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(self._file, parameter_text({ANY_CONTROLLER: _typed(whole)}).encode())
+        say(f'Written: {self._file}')
+        known = declared(ControllerSettings)
+        fixed = [name for name in new if not known[name].live]
+        if fixed and self._rehearsal is not None:
+            self._rehearsal.restart(_typed(whole))
+            say(f'The controller was started with that file, as {fixed[0]} is fixed at start.')
+        elif fixed:
+            say(
+                f'{" and ".join(fixed)} cannot change while the node runs: start it with '
+                f'--ros-args --params-file {self._file}'
+            )
+        elif refusal := self.machine.set_all(new):
+            raise _refused(refusal)
+        else:
+            say(f'{self.machine.name} has them now. Its loop is still open: close it with')
+            typer.echo(f'  ros2 service call {self.machine.name}/enable std_srvs/srv/SetBool')
+            typer.echo("    '{data: true}'")
+        self._record('Accepted', [f'Written to {self._file.name}.'])
+        return True
+
+    def _truth(self, finding: Finding) -> None:
+        """Show in a rehearsal what the plant is."""
+        if self._rehearsal is None:
+            return
+        truth = self._rehearsal.truth
+        lines = [
+            f'order {truth.order}, found {finding.model.order}',
+            f'b0 {truth.b0:.4g}, found {finding.b0.value:.4g} '
+            f'({finding.b0.low:.4g} to {finding.b0.high:.4g})',
+            f'dead time {1e3 * truth.delay:.3g} ms beside that of the nodes, found '
+            f'{1e3 * finding.model.delay:.3g} ms',
+            f'noise {truth.noise:.3g}, found {finding.noise:.3g}',
+        ]
+        typer.echo('')
+        say('The truth of this rehearsal:')
+        for line in lines:
+            typer.echo(f'  {line}')
+        self._record('Truth', lines)
+
+    def report(self) -> None:
+        """Write the page of what was done so far."""
+        if not self._steps:
+            return
+        path = self._out / _PAGE
+        write_whole(path, page(f'Commissioning of {self.machine.name}', self._steps).encode())
+        say(f'Report: {path}')
+
+
+def _refused(reason: str) -> Exception:
+
+    return UserError(f'the node refuses them: {reason}')
+
+
+def _text(value: Any) -> str:
+    return f'{value:.4g}' if isinstance(value, float) else str(value)
+
+
+def _typed(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values as YAML can have them: arrays of ROS as lists."""
+    plain = (bool, int, float, str)
+    return {k: v if isinstance(v, plain) else list(v) for k, v in values.items()}
