@@ -31,8 +31,10 @@ _LINES = {
     'output y': [
         ('measurement', 'measurement', Look(GREY, 'solid'), 0.8),
         ('reference', 'reference r', Look(REFERENCE, 'dotted'), 1.6),
+        ('tracking', 'followed r1', Look(REFERENCE, 'dashdot'), 1.2),
         ('output_estimate', 'estimate of y', Look(COLOURS[1], 'dashed'), 1.1),
-        ('output', 'output y', _OWN, 1.6),
+        ('output', 'true output', Look(TRUTH, 'solid'), 1.0),
+        ('y', 'output y', _OWN, 1.6),
     ],
     'error e': [
         ('before', 'pinned before', Look(GREY, 'solid'), 1.4),

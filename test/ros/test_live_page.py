@@ -34,10 +34,11 @@ SENT = "async () => (await import('/static/link.js')).sent"
 DRAWN = """async () => {
   const { drawn } = await import('/static/plots.js');
   const [first] = drawn;
-  const line = first.lines.find(({ name }) => name === 'output').renderer.data_source.data;
+  const { x, y } = first.lines.find(({ name }) => name === 'y').renderer.data_source.data;
   const { left, right } = first.parts.gaps.data_source.data;
-  return { x: [...line.x], broken: [...line.y].map((y) => !Number.isFinite(y)), left, right };
+  return { x: [...x].filter((_, i) => Number.isFinite([...y][i])), left, right };
 }"""
+HTML = '<img src=x onerror=console.log("run")>'
 
 
 class Live:
@@ -54,8 +55,10 @@ class Live:
         probe.node.create_subscription(ParameterEvent, '/parameter_events', self._on_change, 100)
         self.page = self.open()
 
-    def open(self, width: int = 1280, **options: Any) -> Any:
-        """Open the page in a browser window of its own."""
+    def open(
+        self, width: int = 1280, before: Callable[[Any], Any] = lambda page: None, **options: Any
+    ) -> Any:
+        """Open the page in a browser window of its own, ``before`` it connects done that."""
         context = self.browser.new_context(viewport={'width': width, 'height': 850}, **options)
         page = context.new_page()
         page.set_default_timeout(1000 * SOON)
@@ -63,9 +66,11 @@ class Live:
         page.on('pageerror', lambda error: self.said.append(str(error)))
         page.on('request', lambda request: self.asked.append(request.url))
         page.on('websocket', lambda socket: socket.on('framesent', self._on_frame))
+        before(page)
         page.goto(self.address)
         page.wait_for_selector('html[data-ready=yes]', state='attached')
-        page.wait_for_selector('#sliders .slider')
+        page.wait_for_selector('#sliders .slider', state='attached')
+        page.click('#pause')  # to draw is most of the work
         return page
 
     def until(self, condition: Callable[[], Any]) -> Any:
@@ -150,6 +155,8 @@ def test_the_page_has_each_sample_once_and_in_order(live: Live) -> None:
     live.until(lambda: len(heard) > 150)
     found = live.page.evaluate(SAMPLES)
     assert (np.diff(found['time']) > 0.0).all()
+    last = found['y'][-1]
+    live.until(lambda: last in np.array(heard, np.float32))
     sent = np.array(heard, np.float32).tolist()
     first = sent.index(found['y'][50])
     assert found['y'][50:] == sent[first : first + 50]
@@ -255,3 +262,151 @@ def test_p22_space_stops_from_each_tab(live: Live, tab: str) -> None:
     live.page.click(f'#tab-{tab}')
     live.page.keyboard.press('Space')
     live.stopped()
+
+
+@pytest.fixture
+def narrow(live: Live) -> Iterator[Any]:
+    """Open the page on a telephone that has control; it is closed, and control is back."""
+    page = live.open(400, has_touch=True, color_scheme='dark')
+    page.click('#take')
+    page.wait_for_selector('#take', state='hidden')
+    yield page
+    page.context.close()
+    take_back(live)
+
+
+def take_back(live: Live) -> None:
+    if live.page.is_visible('#take'):
+        live.page.click('#take')
+    live.page.wait_for_selector('#take', state='hidden')
+
+
+def test_on_a_telephone_nothing_is_too_wide_and_a_tap_stops(live: Live, narrow: Any) -> None:
+    live.run(narrow)
+    for tab in ('plots', *TABS, 'faults'):
+        narrow.tap(f'#tab-{tab}')
+        assert narrow.evaluate('document.documentElement.scrollWidth <= innerWidth')
+        box = narrow.locator('#stop').bounding_box()
+        assert box['width'] == 400 and box['y'] + box['height'] == 850
+    narrow.tap('#stop')
+    live.stopped()
+
+
+def hide(page: Any) -> None:
+    """Do what a browser does; a page of a headless Chromium is never hidden, nor frozen."""
+    page.evaluate(
+        """() => {
+          Object.defineProperty(document, 'visibilityState', { value: 'hidden', writable: true });
+          document.dispatchEvent(new Event('visibilitychange'));
+          document.visibilityState = 'visible';
+        }"""
+    )
+
+
+def freeze(page: Any) -> None:
+    """Let no line of the page's scripts run any more."""
+    session = page.context.new_cdp_session(page)
+    session.send('Debugger.enable')
+    session.send('Debugger.pause')
+
+
+def hold(live: Live, page: Any) -> None:
+    """Run by the heartbeat of a page; on a busy machine the first leases may run out."""
+    for _ in range(5):
+        live.run(page, hold=True)
+        live.probe.spin(0.7)  # more than a lease
+        if live.enabled():
+            return
+    pytest.fail('no lease lasted for 0.7 s')
+
+
+def test_p21_who_takes_over_has_the_loop_and_who_loses_the_page_loses_it(live: Live) -> None:
+    page = live.open()
+    assert page.is_disabled('#run') and page.is_disabled('[data-name=b0]')
+    assert 'Another page has control' in page.inner_text('#banner')
+    page.click('#take')
+    page.wait_for_selector('#banner', state='hidden')
+    assert page.is_enabled('[data-name=b0]')
+    live.page.wait_for_selector('#take')
+    assert live.page.is_disabled('#run')
+    live.page.click('#tab-log')
+    live.page.locator('#events [data-kind=control]').first.wait_for()
+    page.keyboard.press('Space')
+    live.stopped()
+    for lose in (hide, freeze):
+        hold(live, page)
+        lose(page)
+        live.stopped()
+    page.context.close()
+    page = live.open()  # enables nothing by itself
+    live.probe.spin(0.3)
+    assert live.disabled()
+    page.click('#take')
+    page.wait_for_selector('#take', state='hidden')
+    hold(live, page)
+    page.context.close()
+    live.stopped()
+    take_back(live)
+
+
+def test_a_silent_sensor_breaks_the_line_and_says_why(live: Live) -> None:
+    page = live.page
+    live.run()
+    page.click('#pause')
+    page.click('#tab-faults')
+    page.click('[data-fault=silent]')
+    page.wait_for_selector('#state[data-state=safe]')
+    assert 'no valid measurement' in page.inner_text('#why')
+    page.click('[data-fault=silent]')
+    page.wait_for_selector('#state[data-state=in-control]')
+    page.click('#tab-log')
+    page.locator('#events [data-kind=gap] .text', has_text='measurement').first.wait_for()
+    live.until(lambda: page.evaluate(DRAWN)['left'])
+    drawn = page.evaluate(DRAWN)
+    widest = max(zip(drawn['left'], drawn['right']), key=lambda span: span[1] - span[0])
+    inside = [x for x in drawn['x'] if widest[0] + 0.02 < x < widest[1] - 0.02]
+    assert widest[1] - widest[0] > 0.3 and inside == []
+    page.click('#pause')
+
+
+def test_markup_in_names_and_lines_is_shown_as_text(live: Live) -> None:
+    parameter = {
+        'name': HTML, 'text': HTML, 'unit': HTML, 'value': HTML, 'kind': 'text', 'live': True,
+        'low': None, 'high': None, 'default': None, 'choices': [], 'group': 'other',
+    }  # fmt: skip
+    hello = {
+        'type': 'hello', 'protocol': 1, 'node': HTML, 't': 0.0, 'rate': 100.0, 'operator': True,
+        'read_only': False, 'simulated': False, 'hold_to_run': True, 'signals': [], 'faults': [],
+        'parameters': [parameter],
+    }  # fmt: skip
+    event = {'type': 'event', 't': 1.0, 'node': HTML, 'kind': HTML, 'text': HTML}
+
+    def answer(socket: Any) -> None:
+        for message in (hello, event):
+            socket.send(json.dumps(message))
+
+    context = live.browser.new_context()
+    page = context.new_page()
+    page.on('console', lambda message: live.said.append(message.text))
+    page.route_web_socket(re.compile('/ws$'), answer)
+    page.goto(live.address)
+    page.click('#tab-log')
+    page.locator('#events', has_text=HTML).wait_for()
+    page.click('#tab-all')
+    page.locator('#list', has_text=HTML).wait_for()
+    assert page.inner_text('#node') == HTML and page.locator('img').count() == 0
+    context.close()
+
+
+def test_no_rule_of_accessibility_is_broken(live: Live) -> None:
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright', reason='NOT RUN: no axe')
+    page = live.page
+    page.evaluate(axe.Axe().axe_script)
+    for scheme, tab, part in (
+        *(('light', 'tune', 'html'), ('dark', 'tune', 'html'), ('dark', 'all', '#search')),
+        *(('dark', tab, f'#{tab}') for tab in ('compare', 'faults', 'log')),
+    ):
+        page.emulate_media(color_scheme=scheme)
+        page.click(f'#tab-{tab}')
+        found = page.evaluate(f'axe.run("{part}")')['violations']
+        assert [(each['id'], [n['html'] for n in each['nodes']]) for each in found] == [], tab

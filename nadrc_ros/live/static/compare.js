@@ -4,6 +4,7 @@ import { brief, find, make, say, tell } from './dom.js';
 import { ask, on } from './link.js';
 import { back } from './parameters.js';
 import { forget } from './pinned.js';
+import { earliest, latest } from './samples.js';
 import { span } from './view.js';
 
 const WORDS = {
@@ -31,7 +32,7 @@ function table({ before, after }) {
 on('comparison', (comparison) => {
   const pinned = Boolean(comparison.before);
   find('#figures').replaceChildren(...(pinned ? [table(comparison)] : []));
-  const why = comparison.comparable ? `Over the same stretch of reference. ${comparison.error ?? ''}` : comparison.why;
+  const why = comparison.comparable ? `Over the same stretch of reference; the error is that ${comparison.error ?? 'of the reference'}.` : comparison.why;
   tell(find('#comparable'), pinned ? why || 'Not comparable yet.' : 'Nothing is pinned.');
 });
 
@@ -44,7 +45,7 @@ async function request(message, done = '') {
 
 export async function pin() {
   const [from, to] = span();
-  await request({ do: 'pin', from, to }, 'Pinned.');
+  await request({ do: 'pin', from: Math.max(from, earliest()), to: Math.min(to, latest()) }, 'Pinned.');
 }
 
 export const swap = () => request({ do: 'swap' }, 'Swapped.');

@@ -6,10 +6,13 @@ import { on } from './link.js';
 import { before } from './pinned.js';
 import { about, begin, columns, end, gaps, marks, place, said, spans, thinned_until, time, units } from './samples.js';
 import { density } from './spectrum.js';
-import { cursor, on_view, point, span } from './view.js';
+import { cursor, on_view, paused, point, span } from './view.js';
 
 const MOST_MARKS = 40;
 const NEAR = 1e-3; // s
+const SILENT = 0.1; // s without a measurement, and five periods
+// What an unknown measurement leaves unknown, beside the signal itself.
+const MEASURED = new Set(['y', 'error', 'output_estimate', 'disturbance', ...Array.from({ length: 6 }, (_, k) => `level_${k + 1}`)]);
 const HELD = new Set(['command', 'applied']);
 const LEAST = 95; // px
 const LABELS = 40; // px below the last plot over time
@@ -17,7 +20,7 @@ const PEEK = 60; // px of the spectrum that show that there is one
 const SPECTRUM_EVERY = 1000; // ms
 
 export const drawn = []; // { name, timed, lines, model, view, element }
-const hidden = new Set(['measurement', 'output_estimate']);
+const hidden = new Set(['measurement', 'output', 'output_estimate']);
 const night = matchMedia('(prefers-color-scheme: dark)');
 const colored = [];
 let given = null; // what /plots.json says
@@ -61,6 +64,10 @@ function limit(name) {
   return Number.isFinite(value) && Math.abs(value) < 1e15 ? value : null;
 }
 
+/** Whether a line is not known during a gap of the signal of a column. */
+const breaks = (column) => (name) => name === column || (column === 'measurement' && MEASURED.has(name))
+  || (name === 'error' && column === 'reference') || ((name === 'error' || name === 'y') && column === 'output');
+
 /** What a line shows of a span of time, null if there is no such thing. */
 function line(name, shown, width) {
   if (name.startsWith('limit')) {
@@ -73,10 +80,10 @@ function line(name, shown, width) {
   if (!values) return null;
   const [a, b] = rows(shown, times, low, high);
   const [x, y] = [[], []];
-  const breaks = name === 'before' ? [] : gaps.filter((gap) => gap.end > shown[0] && gap.begin < shown[1]);
+  const broken = gaps.filter((gap) => gap.end > shown[0] && gap.begin < shown[1] && breaks(gap.column)(name));
   for (const i of kept(values, a, b, Math.max(200, width))) {
     const last = x[x.length - 1];
-    if (breaks.some((gap) => last < gap.end - NEAR && times[i] > gap.begin + NEAR && times[i] > last)) {
+    if (broken.some((gap) => last < gap.end - NEAR && times[i] > gap.begin + NEAR && times[i] > last)) {
       x.push(last);
       y.push(NaN);
     }
@@ -122,7 +129,7 @@ function fill_time(plot, shown) {
   const width = plot.view.frame.bbox.width || 600;
   const lines = [];
   for (const { name, renderer, legend } of plot.lines) {
-    const found = line(name, shown, width);
+    const found = name === 'tracking' && parameters.get('tracking_acceleration')?.value === 0 ? null : line(name, shown, width);
     if (legend) legend.hidden = !found || (name === 'before' && !before.time.length);
     renderer.visible = Boolean(found) && !hidden.has(name);
     if (!renderer.visible) continue;
@@ -137,7 +144,8 @@ function fill_time(plot, shown) {
     right: states.map((each) => (each === spans[spans.length - 1] ? Math.max(each.end, shown[1]) : each.end)),
     color: states.map(({ state }) => shade(given.states[state])),
   };
-  const silent = gaps.filter(inside);
+  const silent = gaps.filter((gap) => inside(gap) && plot.lines.some(({ name }) => breaks(gap.column)(name)));
+  if (shown[1] - about.measured > Math.max(SILENT, 5 / about.rate)) silent.push({ begin: about.measured, end: shown[1] });
   plot.parts.gaps.data_source.data = { left: silent.map((each) => each.begin), right: silent.map((each) => each.end) };
   const changes = marks.filter((each) => each.time > shown[0] && each.time < shown[1]).slice(-MOST_MARKS);
   const data = { x: changes.map((each) => each.time), number: changes.map(({ number }) => String(number)) };
@@ -341,8 +349,8 @@ export async function start() {
   for (const { element } of drawn) sight.observe(element);
   paint();
   night.addEventListener('change', paint);
-  on('samples', redraw);
-  on('state', redraw);
+  on('samples', () => { if (!paused()) redraw(); });
+  on('state', () => { if (!paused()) redraw(); });
   on_view(() => { spectrum_at = 0; redraw(); });
   addEventListener('resize', fit);
   on('hello', () => requestAnimationFrame(fit)); // which lines there are

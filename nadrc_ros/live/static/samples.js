@@ -5,17 +5,18 @@ import { on } from './link.js';
 const LONGEST = 125; // s that are kept
 const MOST = 1 << 20; // rows
 const HEADER = 24; // bytes
+const OWN = ['y', 'error']; // made here: both are unknown where nothing is measured
 
 export const columns = {}; // of Float32Array, by role; levels are level_1, level_2, ...
 export const units = {};
 export const spans = []; // states: { begin, end, state, text }
-export const gaps = []; // { begin, end, text }
+export const gaps = []; // { begin, end, text, column }
 export const marks = []; // changes of parameters: { time, number, text }
 export let time = new Float64Array(0);
 export let begin = 0; // rows from begin to end are there
 export let end = 0;
 export let thinned_until = -Infinity; // samples up to this time are not all that there were
-export const about = { period: 0, rate: 100, names: [], texts: [] };
+export const about = { period: 0, rate: 100, names: [], columns: {}, measured: -Infinity };
 
 let kept = 0;
 let fresh = true; // the next hello is the first of its connection
@@ -37,7 +38,8 @@ function renew({ signals, rate }) {
     if (role === 'level') return `level_${counts.level}`;
     return counts[role] > 1 ? `${role}_${counts[role]}` : role;
   });
-  about.texts = signals.map(({ name, text }) => text || name);
+  about.columns = Object.fromEntries(signals.map(({ name }, i) => [name, about.names[i]]));
+  about.measured = -Infinity;
   about.rate = rate || 100;
   kept = Math.min(MOST, Math.max(1 << 14, Math.ceil(LONGEST * about.rate * 1.1)));
   time = new Float64Array(2 * kept);
@@ -45,13 +47,10 @@ function renew({ signals, rate }) {
     delete columns[name];
     delete units[name];
   }
-  for (const name of [...about.names, 'error']) columns[name] = new Float32Array(2 * kept);
+  for (const name of [...about.names, ...OWN]) columns[name] = new Float32Array(2 * kept);
   about.names.forEach((name, i) => { units[name] = signals[i].unit ?? ''; });
   [begin, end, thinned_until] = [0, 0, -Infinity];
 }
-
-/** The output that the error is of: the true one where the plant is simulated. */
-export const output = () => (columns.output ? 'output' : 'measurement');
 
 function wrapped(error) {
   return about.period ? error - about.period * Math.round(error / about.period) : error;
@@ -73,18 +72,22 @@ function take(buffer) {
   const t0 = view.getFloat64(16, true);
   const values = new Float32Array(buffer, HEADER, rows * width);
   const own = about.names.map((name) => columns[name]);
-  const [r, y, e] = [columns.reference, columns[output()], columns.error];
+  const { reference, measurement, y, error } = columns;
+  const output = columns.output ?? measurement; // the error is of the true one, where that is known
   const broken = flags & 6; // dropped blocks, or a gap before the first row
   if (broken && end > begin && rows) {
     const row = room();
     time[row] = t0 + values[0];
-    for (const column of [...own, e]) column[row] = NaN;
+    for (const column of Object.values(columns)) column[row] = NaN;
   }
   for (let i = 0; i < rows; i++) {
     const row = room();
     time[row] = t0 + values[i * width];
     for (let k = 0; k < own.length; k++) own[k][row] = values[i * width + k + 1];
-    e[row] = r && y ? wrapped(r[row] - y[row]) : NaN;
+    const measured = measurement && !Number.isNaN(measurement[row]);
+    if (measured) about.measured = time[row];
+    y[row] = measured ? output[row] : NaN;
+    error[row] = measured && reference ? wrapped(reference[row] - y[row]) : NaN;
   }
   if ((flags & 1) && rows) thinned_until = time[end - 1];
   begin = place(time[end - 1] - LONGEST);
@@ -133,7 +136,7 @@ on('samples', take);
 on('state', note_state);
 on('event', (event) => {
   if (event.kind !== 'gap') return;
-  const known = gaps.find(({ begin: a }) => a === event.from);
-  if (known) Object.assign(known, { end: event.to ?? known.end, text: event.text });
-  else gaps.push({ begin: event.from, end: event.to ?? event.t, text: event.text });
+  const known = gaps.find(({ begin: a, column }) => a === event.from && column === about.columns[event.signal]);
+  const gap = { begin: event.from, end: event.to ?? event.t, text: event.text, column: about.columns[event.signal] };
+  if (known) Object.assign(known, gap); else gaps.push(gap);
 });
