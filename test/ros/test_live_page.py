@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 import json
 import re
 import shutil
 from typing import Any
 
+from live_browser import Live, SAFE
 import numpy as np
 from probe import Probe, Processes
 import pytest
-from rcl_interfaces.msg import ParameterEvent
 
 sync_api = pytest.importorskip('playwright.sync_api', reason='NOT RUN: playwright is not there')
 BROWSER = shutil.which('chromium') or shutil.which('chromium-browser')
 pytestmark = pytest.mark.skipif(
     BROWSER is None, reason='NOT RUN: the live page needs chromium, which is not there'
 )
-RATE, SAFE = 100.0, 0.25
+RATE = 100.0
 TABS = ('tune', 'all', 'compare', 'log')
-# What a test may see of a machine that is busy with others [s].
-SOON = 10.0
 SLIDERS = ('controller_bandwidth', 'inner_bandwidth', 'outer_bandwidth')
 # The page's own view of something, from its modules.
 SAMPLES = """async () => {
@@ -39,77 +36,6 @@ DRAWN = """async () => {
   return { x: [...x].filter((_, i) => Number.isFinite([...y][i])), left, right };
 }"""
 HTML = '<img src=x onerror=console.log("run")>'
-
-
-class Live:
-    """A running loop with its page in a browser, and what came of both."""
-
-    def __init__(self, browser: Any, address: str, start: Processes, probe: Probe) -> None:
-        self.browser, self.address, self.probe = browser, address, probe
-        self.start = start
-        self.said: list[str] = []
-        self.asked: list[str] = []
-        self.frames: Counter[str] = Counter()
-        self.changes: list[list[str]] = []
-        self.commands = probe.listen('command')
-        probe.node.create_subscription(ParameterEvent, '/parameter_events', self._on_change, 100)
-        self.page = self.open()
-
-    def open(
-        self, width: int = 1280, before: Callable[[Any], Any] = lambda page: None, **options: Any
-    ) -> Any:
-        """Open the page in a browser window of its own, ``before`` it connects done that."""
-        context = self.browser.new_context(viewport={'width': width, 'height': 850}, **options)
-        page = context.new_page()
-        page.set_default_timeout(1000 * SOON)
-        page.on('console', lambda message: self.said.append(message.text))
-        page.on('pageerror', lambda error: self.said.append(str(error)))
-        page.on('request', lambda request: self.asked.append(request.url))
-        page.on('websocket', lambda socket: socket.on('framesent', self._on_frame))
-        before(page)
-        page.goto(self.address)
-        page.wait_for_selector('html[data-ready=yes]', state='attached')
-        page.wait_for_selector('#sliders .slider', state='attached')
-        page.click('#pause')  # to draw is most of the work
-        return page
-
-    def until(self, condition: Callable[[], Any]) -> Any:
-        """Let the page and the graph go on until something holds."""
-
-        def turn() -> Any:
-            self.page.wait_for_timeout(1)  # the page's events are taken only in its calls
-            return condition()
-
-        return self.probe.wait_until(turn, SOON)
-
-    def disabled(self) -> bool:
-        """Tell whether the controller sent its safe command, and says that it is disabled."""
-        reports = self.probe.said()
-        return bool(reports) and reports[-1][2]['enabled'] == 'False'
-
-    def enabled(self) -> bool:
-        """Tell whether the controller says that it is enabled."""
-        reports = self.probe.said()
-        return bool(reports) and reports[-1][2]['enabled'] == 'True'
-
-    def run(self, page: Any = None, hold: bool = False) -> None:
-        """Press Run, and wait until the controller runs."""
-        page = page or self.page
-        page.set_checked('#hold', hold)
-        if not self.enabled():
-            page.click('#run')
-        self.until(self.enabled)
-
-    def stopped(self) -> None:
-        """Wait until the controller is disabled, with the safe command as the last one."""
-        self.until(lambda: self.disabled() and self.commands[-1] == SAFE)
-
-    def _on_frame(self, frame: str | bytes) -> None:
-        self.frames[json.loads(frame)['do']] += 1
-
-    def _on_change(self, event: ParameterEvent) -> None:
-        if event.node.endswith('/controller') and event.changed_parameters:
-            self.changes.append([each.name for each in event.changed_parameters])
 
 
 @pytest.fixture(scope='module')

@@ -12,7 +12,7 @@ const ROWS = [
   ['phase_margin', 'phase margin', '', times(1, '°')],
   ['delay_margin', 'delay margin', 'the dead time more that it bears', times(1000, ' ms')],
   ['modulus_margin', 'distance from −1', 'of the Nyquist curve; 0.5 is good', times(1, '')],
-  ['command_noise', 'noise of u', 'standard deviation of the command for one of 1 of the measurement', times(1, '')],
+  ['command_noise', 'noise of u / noise of y', 'standard deviation of the command over that of the measurement', times(1, '')],
   ['period_product', 'w·h', 'largest bandwidth times period', times(1, '')],
 ];
 
