@@ -31,7 +31,6 @@ from nadrc_ros.simulation.signals import make_signal, SIGNALS
 from nadrc_ros.simulation.simulate import Result, simulate
 import numba
 from numba.core.event import trigger_event
-from numba.extending import register_jitable
 import numpy as np
 import pytest
 
@@ -285,40 +284,29 @@ def test_every_plant_and_signal_gives_the_same_bits(signal: str) -> None:
     names = list(PLANTS)
     plant = build(PLANTS[names[list(SIGNALS).index(signal) % len(names)]], {})
     w = make_signal(signal, {'start_time': 0.0123})
-    methods = type(plant).derivative, type(w).derivatives
-    for function in (*methods, integrate):
-        register_jitable(function)
-    derivative, derivatives = methods
+    derivative, derivatives = type(plant).derivative, type(w).derivatives
+    plain = trajectory(derivative, derivatives, plant, w, list, plant.states)
+    compiled = numba.njit(derivative), numba.njit(derivatives)  # integrate is so in each loop
+    assert trajectory(*compiled, fields_of(plant), fields_of(w), np.array, plant.states) == plain
 
-    def run(plant: Any, w: Any, x: Any, out: Any, work: Any, one: Any, all_orders: Any) -> None:
-        for k in range(100):
-            derivatives(w, k * 1e-3, one)
-            derivative(plant, k * 1e-3, x, 0.7, one[0], work[0])
-            integrate(
-                derivative,
-                plant,
-                derivatives,
-                w,
-                k * 1e-3,
-                x,
-                0.7,
-                1e-3,
-                2,
-                work,
-                one,
-                out,
-                len(x),
-            )
-            for i in range(len(x)):
-                x[i] = out[i]
-        derivatives(w, 0.1, all_orders)
 
-    x = [0.1 * i for i in range(plant.states)]
-    lists: list[Any] = [list(x), list(x), make_work(len(x)), [0.0], [0.0] * 6]
-    arrays = [np.array(each) for each in lists]
-    run(plant, w, *lists)
-    numba.njit(run)(fields_of(plant), fields_of(w), *arrays)
-    assert [a.tolist() for a in arrays] == lists
+def trajectory(
+    derivative: Any, derivatives: Any, plant: Any, w: Any, vector: Any, states: int
+) -> list[Any]:
+    """Return all that comes of 100 steps of a plant under a disturbance."""
+    x, out, one, orders = (vector([0.0] * n) for n in (states, states, 1, 6))
+    x[:] = vector([0.1 * i for i in range(states)])
+    work = vector(make_work(states))
+    found = []
+    for k in range(100):
+        t = k * 1e-3
+        derivatives(w, t, orders)
+        derivatives(w, t, one)
+        derivative(plant, t, x, 0.7, one[0], work[0])
+        integrate(derivative, plant, derivatives, w, t, x, 0.7, 1e-3, 2, work, one, out, states)
+        x, out = out, x
+        found.append([*map(float, x), *map(float, orders)])
+    return found
 
 
 def test_many_runs_give_the_figures_of_the_single_ones() -> None:
