@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from errno import EADDRINUSE
 import gc
 from pathlib import Path
+import re
 import signal
 import socket
 import sys
@@ -39,6 +41,7 @@ _SEARCH = 1.5
 _LAST_ANSWER, _SPIN = 0.3, 2.0
 # What stops a loop may not wait for a thread that predicts [s].
 _SWITCH = 1e-3
+_NODE = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)
 _SET_BOOL = 'std_srvs/srv/SetBool'
 
 
@@ -77,7 +80,7 @@ def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[st
     try:
         init_ros(list(arguments))
         with _signals_stop() as stop:
-            namespace, name = _names(asked)
+            namespace, name = node_names(asked)
             monitor = Monitor(
                 namespace=namespace,
                 node_name=f'live_{sockets[0].getsockname()[1]}',  # there may be several
@@ -125,10 +128,9 @@ def _bind(asked: Asked) -> list[socket.socket]:
     try:
         return bind_sockets(asked.port, asked.host)[:1]
     except OSError as error:
-        raise UserError(
-            f'cannot listen at {asked.host} port {asked.port}: {error.strerror or error}; '
-            '--port 0 takes a free one'
-        ) from None
+        free = '; --port 0 takes a free one' if error.errno == EADDRINUSE else ''
+        said = f'cannot listen at {asked.host} port {asked.port}: {error.strerror or error}{free}'
+        raise UserError(said) from None
 
 
 @contextmanager
@@ -167,11 +169,13 @@ def _spinning(monitor: Monitor) -> Iterator[Callable[[], bool]]:
             monitor.destroy_node()
 
 
-def _names(asked: Asked) -> tuple[str, str]:
+def node_names(asked: Asked) -> tuple[str, str]:
     """Return the namespace and the name of the controller that is meant."""
     space = '/' + asked.namespace.strip('/')
     name = asked.controller or ('controller' if asked.namespace else _only_one())
     full = name if name.startswith('/') else f'{space.rstrip("/")}/{name}'
+    if not _NODE.fullmatch(full):
+        raise UserError(f'{full}: not the name of a node, such as /arm/controller')
     before, _, last = full.rpartition('/')
     return before or '/', last
 

@@ -29,7 +29,7 @@ from rcl_interfaces.msg import ParameterEvent
 from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
-RATE = 200.0
+RATE = 100.0
 PERIOD = 1.0 / RATE
 PATIENCE = 20.0
 LIMITS = {'command_min': -20.0, 'command_max': 20.0}
@@ -84,6 +84,7 @@ class Served:
         self.plant, _, self.controller, self.recorder = made
         receive(probe.node, 'command', self._on_command, RECORD)
         probe.node.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
+        self._names = count(1)
         self._over = Event()
         self._thread = Thread(target=self._spin, daemon=True)
         self._thread.start()
@@ -92,7 +93,8 @@ class Served:
     def serve(self, *options: str) -> tuple[NodeProcess, str]:
         """Start a server, and return it with its address."""
         words = ('-m', 'nadrc_ros.cli', 'live', f'{self.probe.namespace}/controller')
-        process = self.processes.run('live', *words, '--port', '0', *options)
+        name = f'live_{next(self._names)}'
+        process = self.processes.run(name, *words, '--port', '0', *options)
 
         def address() -> str:
             assert process.running, process.said
