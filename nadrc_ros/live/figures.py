@@ -29,11 +29,11 @@ _OWN = Look(COLOURS[0], 'solid')
 # Lines of each plot over time: what the page calls them, in words, their look and width.
 _LINES = {
     'output y': [
-        ('measurement', 'measurement', Look(GREY, 'solid'), 0.8),
+        ('measurement', 'measured y', Look(GREY, 'solid'), 0.8),
         ('reference', 'reference r', Look(REFERENCE, 'dotted'), 1.6),
         ('tracking', 'followed r1', Look(REFERENCE, 'dashdot'), 1.2),
         ('output_estimate', 'estimate of y', Look(COLOURS[1], 'dashed'), 1.1),
-        ('output', 'true output', Look(TRUTH, 'solid'), 1.0),
+        ('output', 'true y', Look(TRUTH, 'solid'), 1.0),
         ('y', 'output y', _OWN, 1.6),
     ],
     'error e': [

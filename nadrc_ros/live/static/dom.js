@@ -46,6 +46,23 @@ export function typed(value) {
   return String(value ?? '');
 }
 
+/** Show a value in a field, unless somebody is typing there: until Enter, Esc or another field. */
+export function show_value(field, value) {
+  if (!field.typing) field.value = typed(value);
+}
+
+/** Note when somebody types in a field. */
+export function mind_typing(field, current) {
+  field.addEventListener('input', () => { field.typing = true; });
+  field.addEventListener('change', () => { field.typing = false; }, { capture: true });
+  field.addEventListener('keydown', ({ key }) => {
+    if (key !== 'Escape') return;
+    field.typing = false;
+    show_value(field, current());
+  });
+  return field;
+}
+
 /** Let a screen reader say something once. */
 export function say(text) {
   find('#spoken').textContent = text;

@@ -1,6 +1,6 @@
 // All parameters, with a search: what they mean, their unit and range, and what they are.
 
-import { brief, every, find, make, tell, typed } from './dom.js';
+import { brief, find, make, mind_typing, show_value, tell, typed } from './dom.js';
 import { known, on_change, parsed, pending, propose, refuse, value_of } from './parameters.js';
 
 const rows = new Map(); // name: { element, input, was, given }
@@ -32,10 +32,10 @@ function input_for(given) {
     return make('select', { ...shared, onchange: ({ target }) => edited(given, target.value) }, ...options);
   }
   const numeric = given.kind === 'number' || given.kind === 'integer';
-  return make('input', {
+  return mind_typing(make('input', {
     ...shared, type: 'text', inputMode: numeric ? 'decimal' : 'text', autocomplete: 'off', spellcheck: false,
     onchange: ({ target }) => edited(given, target.value),
-  });
+  }), () => value_of(given.name));
 }
 
 function build(given) {
@@ -59,7 +59,7 @@ function update(all) {
     element.classList.toggle('changed', pending.has(name));
     tell(was, pending.has(name) ? `now ${typed(known.get(name).value)} →` : '');
     if (given.kind === 'flag' && given.live) input.checked = value;
-    else if (document.activeElement !== input || !pending.has(name)) input.value = typed(value);
+    else show_value(input, value);
   }
 }
 

@@ -4,7 +4,7 @@
 import { brief, find, make, steady } from './dom.js';
 import { on } from './link.js';
 import { before } from './pinned.js';
-import { about, begin, columns, end, gaps, marks, place, said, spans, thinned_until, time, units } from './samples.js';
+import { about, begin, columns, end, gaps, latest, marks, place, said, spans, thinned_until, time, units } from './samples.js';
 import { density } from './spectrum.js';
 import { cursor, on_view, paused, point, span } from './view.js';
 
@@ -145,7 +145,7 @@ function fill_time(plot, shown) {
     color: states.map(({ state }) => shade(given.states[state])),
   };
   const silent = gaps.filter((gap) => inside(gap) && plot.lines.some(({ name }) => breaks(gap.column)(name)));
-  if (shown[1] - about.measured > Math.max(SILENT, 5 / about.rate)) silent.push({ begin: about.measured, end: shown[1] });
+  if (about.silent || latest() - about.measured > Math.max(SILENT, 5 / about.rate)) silent.push({ begin: about.measured, end: shown[1] });
   plot.parts.gaps.data_source.data = { left: silent.map((each) => each.begin), right: silent.map((each) => each.end) };
   const changes = marks.filter((each) => each.time > shown[0] && each.time < shown[1]).slice(-MOST_MARKS);
   const data = { x: changes.map((each) => each.time), number: changes.map(({ number }) => String(number)) };

@@ -16,7 +16,7 @@ export let time = new Float64Array(0);
 export let begin = 0; // rows from begin to end are there
 export let end = 0;
 export let thinned_until = -Infinity; // samples up to this time are not all that there were
-export const about = { period: 0, rate: 100, names: [], columns: {}, measured: -Infinity };
+export const about = { period: 0, rate: 100, names: [], columns: {}, measured: -Infinity, silent: false };
 
 let kept = 0;
 let fresh = true; // the next hello is the first of its connection
@@ -100,6 +100,7 @@ export function state_of({ mode, cause, enabled }) {
 }
 
 function note_state(message) {
+  about.silent = message.cause === 'measurement_timeout';
   const state = state_of(message);
   const last = spans[spans.length - 1];
   const same = last && last.state === state && last.text === message.text;

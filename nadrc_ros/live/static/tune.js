@@ -1,6 +1,6 @@
 // Sliders for the parameters that matter most, on logarithmic scales around where they began.
 
-import { brief, find, make, tell, typed } from './dom.js';
+import { brief, find, make, mind_typing, show_value, tell, typed } from './dom.js';
 import { drag, known, on_change, parsed, pending, propose, refuse, value_of } from './parameters.js';
 
 const STEPS = 1000;
@@ -91,6 +91,7 @@ function build(name, { text, unit, low, high }) {
     row.locked = make('input', { type: 'checkbox', checked: true, id: 'lock' });
     lock = make('label', { className: 'tick' }, row.locked, ' sign locked');
   }
+  mind_typing(row.field, () => wanted(name));
   rows.set(name, row);
   frame(row, running(name), { low, high });
   row.element = make('div', { className: 'slider', title: text },
@@ -122,7 +123,7 @@ function update(all) {
     if (Math.abs(value) < row.low || Math.abs(value) > row.high) frame(row, value);
     row.slider.value = place(row, value);
     row.slider.setAttribute('aria-valuetext', brief(value));
-    if (document.activeElement !== row.field || !changed(name)) row.field.value = typed(value);
+    show_value(row.field, value);
     row.element.classList.toggle('changed', changed(name));
     tell(row.was, changed(name) ? `now ${brief(running(name))} →` : '');
   }
