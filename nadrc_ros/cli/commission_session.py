@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
@@ -15,6 +17,7 @@ from nadrc_ros.cli.progress import progress
 from nadrc_ros.commission.page import page, Step
 from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER, parameter_text
 from nadrc_ros.tuning.commission import steps
+import numpy as np
 import typer
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ _PAGE = 'commission.html'
 _NOT_OURS = ('qos_overrides.', 'use_sim_time', 'start_type_description_service')
 # A step up in speed, in times of the fastest settling time that is sound.
 _FASTER = 1.4
+# A closed loop is watched for so long [s].
+_HELD = 3.0
 
 
 class Session:
@@ -66,7 +71,7 @@ class Session:
         )
         if not self._ask('2 of 5: nudge', nudging, 'Send these pulses?'):
             return
-        with progress('nudging', base.longest, unit='s'):
+        with self._shown('nudging', base.longest):
             nudged = steps.nudge(machine, base, seen)
         if not self._note('Nudge', nudged, (nudged.samples,)):
             return
@@ -76,7 +81,7 @@ class Session:
         )
         if not self._ask('3 of 5: excite', exciting, 'Send them?'):
             return
-        with progress('exciting', base.longest, unit='s'):
+        with self._shown('exciting', base.longest):
             excited = steps.excite(machine, base, seen, nudged)
         if not self._note('Excite', excited, excited.samples):
             return
@@ -97,7 +102,8 @@ class Session:
         )
         if not self._ask('5 of 5: try', trying, 'Try them?'):
             return False
-        trial = steps.attempt(self.machine, base, seen, finding)
+        with self._shown('trying', base.longest):
+            trial = steps.attempt(self.machine, base, seen, finding)
         if not self._note('Try', trial, (trial.samples,)):
             return False
         faster = steps.say(self.machine, base, seen, excited, slower=_FASTER)
@@ -111,6 +117,14 @@ class Session:
                 if self._note('Try, faster', quick, (quick.samples,), refuse=False):
                     finding = faster
         return self._accept(finding)
+
+    @contextmanager
+    def _shown(self, what: str, longest: float) -> Iterator[None]:
+        """Show how far the experiments of a step are."""
+        with progress(what, longest, unit='s') as tell:
+            self.machine.progress = lambda seconds: tell(seconds, '')
+            yield
+            self.machine.progress = lambda seconds: None
 
     # ---- what is asked, and said ----
 
@@ -228,7 +242,7 @@ class Session:
     def _accept(self, finding: Finding) -> bool:
         """Write what was found, if it is accepted, then let the node have it."""
         text = f'They are written to {self._file} first, then set on the node.'
-        if not self._ask('done', text, 'Accept these parameters?'):
+        if not self._ask('5 of 5: accept', text, 'Accept these parameters?'):
             return False
         new = {name: after for name, (_, after) in finding.difference.items()}
         whole = {
@@ -251,12 +265,32 @@ class Session:
             )
         elif refusal := self.machine.set_all(new):
             raise _refused(refusal)
-        else:
-            say(f'{self.machine.name} has them now. Its loop is still open: close it with')
-            typer.echo(f'  ros2 service call {self.machine.name}/enable std_srvs/srv/SetBool')
-            typer.echo("    '{data: true}'")
         self._record('Accepted', [f'Written to {self._file.name}.'])
+        if not fixed or self._rehearsal is not None:
+            self._close()
         return True
+
+    def _close(self) -> None:
+        """Close the loop if that is wanted, and say how it holds the output."""
+        name = self.machine.name
+        wanted = self._rehearsal is not None
+        if not self._yes:
+            wanted = typer.confirm('Close the loop now, to hold the output where it is?')
+        if not wanted:
+            say(f'{name} has them now, and its loop is open. To close it:')
+            typer.echo(f'  ros2 service call {name}/enable std_srvs/srv/SetBool')
+            typer.echo("    '{data: true}'")
+            return
+        done, said = self.machine.enable()
+        if not done:
+            raise UserError(f'{name} cannot be enabled: {said}')
+        seen = self.machine.listen(_HELD)
+        held = seen.measurement[len(seen.measurement) // 2 :]
+        middle = float(np.median(held)) if held.size else float('nan')
+        off = float(np.max(np.abs(held - middle), initial=0.0))
+        line = f'The loop is closed: the output stays at {middle:.4g}, within {off:.2g}.'
+        say(line)
+        self._record('Closed', [line], (seen,))
 
     def _truth(self, finding: Finding) -> None:
         """Show in a rehearsal what the plant is."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import attrs
 from diagnostic_msgs.msg import DiagnosticArray
+from nadrc_ros.adrc.commission.experiment import Outcome
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
 from nadrc_ros.adrc.errors import did_you_mean, UserError
 from nadrc_ros.adrc.fields import build, declared
@@ -37,13 +38,13 @@ _START, _STOP = 'commission/start', 'commission/stop'
 LEASE, _BEAT, _HEALTHY = 0.2, 0.05, 0.2
 # Nodes and services are looked for so long, an answer may take so long before it is asked again,
 # and in all; a controller that is to be asked again may say so for so long [s].
-_SEARCH, _AGAIN, _ANSWER, _BUSY = 4.0, 1.0, 8.0, 4.0
+_SEARCH, _AGAIN, _ANSWER, _BUSY = 4.0, 1.0, 10.0, 4.0
 # No rows for so long are the end of the node, or of the network [s].
 _SILENT = 3.0
 _LOOK = 0.01
-# What the rows of an experiment are without: the way back to the safe command.
+# No measurement that is listened to is missed.
 _HEAR = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
-_LATER = ('ask again', 'nobody holds it')
+_LATER = ('ask again', 'nobody holds it', 'no valid measurement')
 
 
 @contextmanager
@@ -80,7 +81,7 @@ def reached(controller: str = '') -> Iterator[GraphMachine]:
 
 def _found(node: Node, wanted: str) -> str:
     """Return the full name of the controller that is meant."""
-    end = time.monotonic() + _SEARCH
+    end = time.monotonic() + (_ANSWER if wanted else _SEARCH)
     wanted = wanted and node.resolve_topic_name(wanted)
     there: list[str] = []
     while time.monotonic() < end:
@@ -119,6 +120,8 @@ class GraphMachine:
         Where its measurement and its command are.
     rate, present
         Periods per second [Hz], and the settings by now.
+    progress
+        Called with the time since an experiment began [s].
 
     """
 
@@ -135,6 +138,7 @@ class GraphMachine:
         self._rows = RowsReader(node, name)
         self._told: dict[str, str] = {}
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_report, 10)
+        self.progress: Callable[[float], None] = lambda seconds: None
         self._alive = 0.0
         self._over = Event()
         self._beating = False
@@ -211,7 +215,7 @@ class GraphMachine:
         Raises
         ------
         UserError
-            Where the controller refuses it, or is not heard any more.
+            Where the controller refuses it, or is not heard any more, or somebody stopped it.
 
         """
         values = _plain(attrs.asdict(settings))
@@ -224,7 +228,7 @@ class GraphMachine:
         self._alive, self._beating = time.monotonic(), True
         try:
             self._begin(request)
-            self._follow(settings.longest)
+            self._follow()
         except BaseException:
             self.stop()
             raise
@@ -232,7 +236,10 @@ class GraphMachine:
             self._beating = False
             self._keep.send(0.0)
         self._rows.refuse_lost()
-        return _samples(self._rows.rows, self._rows.said or '')
+        said = self._rows.said or ''
+        if said.startswith(f'{Outcome.STOPPED.value}: '):
+            raise UserError(f'the experiment was {said}')
+        return _samples(self._rows.rows, said)
 
     def stop(self) -> None:
         """End what runs, and wait for that, but not for long."""
@@ -269,13 +276,14 @@ class GraphMachine:
                 raise UserError(f'{self.name} refuses the experiment: {result.reason}')
             self._pause(0.1)
 
-    def _follow(self, longest: float) -> None:
+    def _follow(self) -> None:
         """Wait for the end of an experiment."""
         count, changed = 0, time.monotonic()
         while self._rows.said is None:
             self._pause(_LOOK)
             if len(self._rows.rows) != count:
                 count, changed = len(self._rows.rows), time.monotonic()
+                self.progress(self._rows.rows[count - 1][0] if count else 0.0)
             elif time.monotonic() - changed > _SILENT + 2.0 / self.rate:
                 raise UserError(
                     f'{self.name} is not heard any more: it went to its safe command, unless it '

@@ -26,7 +26,7 @@ START, STOP = '~/commission/start', '~/commission/stop'
 # Parameters of the controller that tries begin so.
 CANDIDATE = 'controller.'
 # What ends it from outside lets it brake for so long [s].
-BRAKE = 0.1
+BRAKE = 0.08
 
 
 class Commission:

@@ -26,7 +26,7 @@ PLANT: dict[str, Any] = {
 CONTROL: dict[str, Any] = {
     'rate': RATE,
     'plant_order': 1,
-    'safe_command': 0.5,
+    'safe_command': 0.0,
     'command_min': -5.0,
     'command_max': 5.0,
     'command_rate_limit': 20.0,
@@ -83,7 +83,6 @@ class Commissioned:
         assert running.active, process.said
         if how != 'exception':
             probe.spin(delay)
-            probe.wait_until(lambda: running.active or not process.running)
         begin, timer = time.monotonic(), None
         if how == 'exception':  # it ends what runs before it dies
             probe.wait_until(lambda: 'on purpose' in process.said)
@@ -127,10 +126,10 @@ def test_p23_the_command_may_die_at_any_moment(
     chance = random.Random(seed)
     ways = [(how, 0.5) for how in ('interrupt', 'kill', 'freeze')]
     if soak:
-        ways = [(DEATHS[i % len(DEATHS)], chance.uniform(0.0, 8.0)) for i in range(40)]
+        ways = [(DEATHS[i % len(DEATHS)], chance.uniform(0.0, 4.0)) for i in range(40)]
     loop = Commissioned(make_probe)
     for how, delay in ways:
         seconds = loop.die(how, delay, start)
-        print(f'{how} {delay:.2f} s into an experiment: safe after {seconds:.3f} s')
+        print(f'{how} {delay:.2f} s into an experiment: safe after {seconds:.3f} s', flush=True)
         assert seconds < IN_TIME + 1.0 / RATE + SLACK
         loop.look()
