@@ -116,6 +116,7 @@ class Session:
                 quick = steps.attempt(self.machine, base, seen, faster)
                 if self._note('Try, faster', quick, (quick.samples,), refuse=False):
                     finding = faster
+                    self._show(finding)
         return self._accept(finding)
 
     @contextmanager
