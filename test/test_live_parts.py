@@ -8,6 +8,7 @@ from math import nan
 from pathlib import Path
 import re
 
+from nadrc_ros.cli.app import app
 from nadrc_ros.live.access import Access
 from nadrc_ros.live.blocks import DROPPED, pack, Ring, thin, unpack
 from nadrc_ros.live.hold import Heartbeat, Hold, LEASE
@@ -15,6 +16,7 @@ from nadrc_ros.live.outbox import as_json, BLOCKS, Full, MESSAGES, Outbox
 from nadrc_ros.live.undo import Undo
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 ACCESS = Access(port=8700)
 COOKIE = {'Cookie': f'a=b; {ACCESS.cookie_name}={ACCESS.cookie}'}
@@ -206,3 +208,15 @@ def test_changes_are_undone_one_by_one_and_all_at_once() -> None:
     }
     undo.drop()
     assert undo.previous() == {'a': 1.0}
+
+
+def test_a_live_demo_is_no_lockstep() -> None:
+    done = CliRunner().invoke(app, ['demo', '--live', '--lockstep'])
+    assert done.exit_code == 2 and '--live' in done.output and 'not with --lockstep' in done.output
+
+
+def test_without_bokeh_the_command_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('rclpy')
+    monkeypatch.setattr('nadrc_ros.cli.live.find_spec', lambda name: None)
+    done = CliRunner().invoke(app, ['live', '--port', '0'])
+    assert done.exit_code == 1 and "pip install 'bokeh" in ' '.join(done.output.split())

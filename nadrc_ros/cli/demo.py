@@ -127,6 +127,8 @@ def _pages(loops: list[str]) -> Iterator[None]:
     import subprocess
     import sys
 
+    from nadrc_ros.ros.runtime import stop_signals
+
     command = [sys.executable, '-m', 'nadrc_ros.cli', 'live', '--port', '0']
     pages = [
         subprocess.Popen(
@@ -137,6 +139,8 @@ def _pages(loops: list[str]) -> Iterator[None]:
     try:
         yield
     finally:
+        # A second Ctrl-C must not leave servers behind.
+        before = {number: signal.signal(number, signal.SIG_IGN) for number in stop_signals()}
         for page in pages:
             page.send_signal(signal.SIGINT)
         for page in pages:
@@ -144,6 +148,8 @@ def _pages(loops: list[str]) -> Iterator[None]:
                 page.wait(5.0)
             except subprocess.TimeoutExpired:
                 page.kill()
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _wait_for_ctrl_c() -> None:
