@@ -124,6 +124,8 @@ def test_what_happened_is_listed_in_order(tmp_path: Path) -> None:
         ' 1.500 2.490 controller holding',
         ' 2.000  recorder no <measurement>',  # of another signal: the measurement went on
     ]  # enabled was before the run
+    append_event(run, Event(None, '/mine/recorder', 'late', '7 commands were sent before'))
+    assert told(run)[0] == ' 0.000  recorder 7 commands were sent before'
     append_event(run, Event(2.5, '/mine/plant', 'fault', 'measurement silent'))
     append_event(run, Event(3.0, '/mine/plant', 'fault', 'none'))
     append_event(run, Event(None, '/mine/controller', 'mode', 'in control'))
@@ -132,6 +134,16 @@ def test_what_happened_is_listed_in_order(tmp_path: Path) -> None:
     (run / EVENTS).write_text('{"time": 1.0, "node": "/mine"}\n')
     with pytest.raises(UserError, match=r'events\.jsonl, line 1'):
         read_history(run)
+
+
+def test_of_modes_before_the_run_the_last_one_holds(tmp_path: Path) -> None:
+    run = record(tmp_path)
+    for time, mode in ((None, 'in control'), (None, 'holding'), (1.0, 'in control')):
+        append_event(run, Event(time, '/mine/controller', 'mode', mode))
+    assert told(run) == [
+        ' 0.000 1.000 controller holding',
+        ' 1.000 2.990 controller in control',
+    ]
 
 
 def test_the_code_of_a_plant_that_a_record_names_is_not_run(tmp_path: Path) -> None:

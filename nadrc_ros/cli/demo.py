@@ -207,9 +207,10 @@ def _print_table(name: str, scenario: 'Scenario', runs: 'dict[str, Run]') -> Non
     figures = [_figures(run) for run in runs.values()]
     rows = []
     for key, (label, meaning) in labels.items():
-        values = [nan if each[key] is None else float(each[key]) for each in figures]
-        label = with_unit(label, scenario.units.of_figure(key))
-        rows.append(Row(label, meaning, shown_together(key, values, plain=True)))
+        values = [nan if each[key] is None else each[key] for each in figures]
+        counted = all(isinstance(value, int) for value in values)
+        texts = list(map(str, values)) if counted else shown_together(key, values, plain=True)
+        rows.append(Row(with_unit(label, scenario.units.of_figure(key)), meaning, texts))
     print_columns(title_of(name, scenario), list(runs), rows)
 
 

@@ -129,7 +129,8 @@ function draw_cursor() {
     const box = plot.view.frame.bbox;
     const share = (at - shown.from) / (shown.to - shown.from);
     plot.cursor.hidden = at === null || share < 0 || share > 1;
-    plot.cursor.style.left = `${box.left + share * box.width}px`;
+    const [left, top, height] = [box.left + share * box.width, box.top, box.height];
+    Object.assign(plot.cursor.style, { left: `${left}px`, top: `${top}px`, height: `${height}px` });
   }
   find('#moment').textContent = at === null ? 't = –' : `t = ${at.toFixed(decimals())} s`;
   for (const row of every('#values tbody tr')) {

@@ -181,8 +181,8 @@ def _of_events(name: str, run: RecordedRun) -> list[_Happened]:
     for i, event in enumerate(events):
         following = (e for e in events[i + 1 :] if (e.node, e.kind) == (event.node, event.kind))
         until = next(following, None)
-        stop = end if until is None or until.time is None else until.time
-        time = event.time
+        stop = end if until is None else -inf if until.time is None else until.time
+        time = begin if event.kind == 'late' else event.time
         if event.kind in LASTING and (time is None or time < begin) and stop > begin:
             time = begin
         none = event.kind == 'fault' and event.message == 'none'
