@@ -13,7 +13,7 @@ is stable and its step inside the band that was predicted.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from math import isfinite, nan
 from multiprocessing import get_context
@@ -31,6 +31,10 @@ from nadrc_ros.tuning.commission.machine import Simulated
 CASES = 200
 # Settling times of a loop that is watched for its stability.
 _WATCHED = 20.0
+# From that share of its travel on an operator brings a machine back between two steps.
+_FAR = 0.3
+# How often an operator does so in one step.
+_PATIENCE = 2
 
 
 @attrs.frozen(kw_only=True)
@@ -39,7 +43,8 @@ class Result:
     What became of one machine.
 
     ``travel`` and ``speed`` are the largest of all experiments, as shares of the bounds; ``over``
-    is by how many periods' worth a bound was exceeded.
+    is by how many periods' worth a bound was exceeded; ``brought_back`` counts how often an
+    operator had to bring the machine back by hand.
     """
 
     seed: int
@@ -57,6 +62,7 @@ class Result:
     accepted: bool = False
     stable: bool = False
     seconds: float = nan
+    brought_back: int = 0
 
 
 def commission(case: Case) -> Result:
@@ -69,6 +75,7 @@ def commission(case: Case) -> Result:
     )
     seen = steps.look(machine)
     plant.begin()
+    back = 0
 
     def ended(step: str, refusal: str = '', **more: Any) -> Result:
         worth = plant.worth()
@@ -80,6 +87,7 @@ def commission(case: Case) -> Result:
             speed=plant.fastest / case.speed,
             over=worth,
             seconds=plant.periods / case.rate,
+            brought_back=back,
             **more,
         )
 
@@ -90,8 +98,13 @@ def commission(case: Case) -> Result:
     result = attrs.evolve(result, sign=0 if not nudged.sign else 1 if right else -1)
     if nudged.refusal:
         return ended('nudge', nudged.refusal)
-    rest(machine, plant)
+    back += rest(plant)
     excited = steps.excite(machine, base, seen, nudged)
+    for _ in range(_PATIENCE):
+        if not excited.refusal.startswith(steps.BRING_IT_BACK):
+            break
+        back += rest(plant)
+        excited = steps.excite(machine, base, seen, nudged)
     b0 = excited.b0
     result = attrs.evolve(
         result,
@@ -105,7 +118,7 @@ def commission(case: Case) -> Result:
     finding = steps.say(machine, base, seen, excited)
     if finding.settings is None:
         return ended('say', finding.refusal)
-    rest(machine, plant)
+    back += rest(plant)
     trial = steps.attempt(machine, base, seen, finding)
     if not trial.accepted:
         return ended('try', trial.refusal)
@@ -115,10 +128,12 @@ def commission(case: Case) -> Result:
     )
 
 
-def rest(machine: Simulated, plant: RandomPlant) -> None:
-    """Let the operator take a breath: half a second at the resting command."""
-    machine.listen(0.5)
-    del plant
+def rest(plant: RandomPlant) -> int:
+    """Let the operator bring the machine back where it is far away; tell whether that was so."""
+    if abs(plant.output - plant.origin) < _FAR * plant.case.travel:
+        return 0
+    plant.put_back()
+    return 1
 
 
 def is_stable(
@@ -141,10 +156,25 @@ def is_stable(
     return isfinite(swing) and (swing < 0.05 * case.travel or swing < 0.7 * max(late[:half]))
 
 
-def run(seeds: Iterable[int]) -> list[Result]:
-    """Return what became of the machines of these seeds, from as many processes as there are."""
+def run(seeds: Iterable[int]) -> Iterator[Result]:
+    """Yield what became of the machines of these seeds, from as many processes as there are."""
     with ProcessPoolExecutor(mp_context=get_context('spawn')) as executor:
-        return list(executor.map(commission, map(random_case, seeds), chunksize=4))
+        yield from executor.map(commission, map(random_case, seeds))
+
+
+def row(each: Result) -> str:
+    """Return the line of one machine."""
+    marks = [
+        '' if each.held or each.b0 != each.b0 else 'MISS',
+        'WRONG SIGN' if each.sign < 0 else '',
+        'UNSTABLE' if each.accepted and not each.stable else '',
+        'OVER' if each.over > 1.0 else '',
+    ]
+    return (
+        f'{each.seed:3d} {each.kinds:36s} {each.step:8s} travel {each.travel:4.2f} speed '
+        f'{each.speed:4.2f} b0 {each.b0:6.3f} +-{each.half_width:5.3f} '
+        f'{" ".join(filter(None, [*marks, each.refusal]))}'
+    )
 
 
 def figures(results: list[Result]) -> dict[str, float]:
@@ -154,6 +184,7 @@ def figures(results: list[Result]) -> dict[str, float]:
         'machines': len(results),
         'bounds_exceeded': sum(each.over > 1.0 for each in results),
         'wrong_sign': sum(each.sign < 0 for each in results),
+        'brought_back': sum(each.brought_back for each in results),
         'accepted': len(accepted),
         'held': sum(each.held for each in accepted),
         'stable': sum(each.stable for each in accepted),
@@ -161,17 +192,12 @@ def figures(results: list[Result]) -> dict[str, float]:
     }
 
 
-def main(count: int = CASES, **where: Any) -> None:
-    """Commission all of them and print what became of them."""
-    results = run(range(count))
-    for each in results:
-        print(
-            f'{each.seed:3d} {each.kinds:38s} {each.step:8s} travel {each.travel:4.2f} '
-            f'speed {each.speed:4.2f} over {each.over:4.1f} b0 {each.b0:6.3f} '
-            f'+-{each.half_width:5.3f}{"" if each.held else " MISS"}'
-            f'{" WRONG SIGN" if each.sign < 0 else ""}'
-            f'{" UNSTABLE" if each.accepted and not each.stable else ""} {each.refusal}'
-        )
+def main(*span: int, **where: Any) -> None:
+    """Commission all of them, or those of a range of seeds, and print what became of them."""
+    results = []
+    for each in run(range(*(span or (CASES,)))):
+        results.append(each)
+        print(row(each), flush=True)
     found = figures(results)
     reasons = Counter(
         re.sub(r'[-+]?\d[\d.e+-]*', '..', f'{each.step}: {each.refusal}')[:100]

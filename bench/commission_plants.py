@@ -168,6 +168,12 @@ class RandomPlant:
         self.origin = self.output
         self.periods = 0
 
+    def put_back(self) -> None:
+        """Bring it back to where it began, at rest."""
+        self.y = self.origin
+        self.v = self.q = self.p = self.rate = 0.0
+        self.late = deque([self.case.center] * self.case.delay)
+
     def measure(self) -> float:
         """Return what the sensor shows."""
         if not self._bank:

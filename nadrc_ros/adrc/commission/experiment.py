@@ -132,7 +132,9 @@ class Experiment:
             self._stop(what, f'it took its {settings.longest:g} s')
         if self.over is not None or guard.start is None:
             return self._send(settings.center, elapsed)
-        if self._brake is None and (complaint := guard.complaint(self._delay)):
+        if self._brake is None and (
+            complaint := guard.complaint(self._delay) or self._pattern.complaint
+        ):
             # what is too fast is let go first: friction may brake it, and would add to a brake
             late = self._delay + guard.late
             self._stop(Outcome.BOUND, complaint, late if complaint.startswith('speed') else 0.0)
@@ -282,10 +284,7 @@ class _Brake:
         self._size, self._delay, self._wait = size, delay, wait
         self._way = 1.0 if guard.velocity > 0.0 else -1.0
         self._sign = sign or (1 if excitation * self._way > 0.0 else -1)
-        self._longest = pushed
-        if self._known:
-            self._longest = _BRAKES * (pushed + delay) + 3.0 * guard.late
-        self._longest += wait
+        self._longest = wait + _BRAKES * (pushed + delay + 2.0 * guard.late)
         self.reason = reason
         self.finished = False
         self._spent = self._quiet = 0.0
@@ -302,16 +301,17 @@ class _Brake:
             self.finished = True
             return 0.0
         if turned:
-            self.finished = not self._known
             self._way, self._size = -self._way, 0.5 * self._size
             self._turns += 1
-        if slow or self.finished or self._spent <= self._wait:
+        if slow or self._spent <= self._wait:
             return 0.0
         self._since -= elapsed
-        if self._known and self._since <= 0.0:
-            # what drives it now is more than what drove it
+        if self._since <= 0.0:
             if abs(guard.velocity) > _SLOWER * self._speed and self._turns == 0:
-                self._size *= 2.0
+                if self._known:  # what drives it now is more than what drove it
+                    self._size *= 2.0
+                elif abs(guard.velocity) > self._speed / _SLOWER:
+                    self._sign, self._known = -self._sign, True
             self._since, self._speed = self._patience, abs(guard.velocity)
         # a chain of two integrators slows down in the time in which it was driven
         share = _FIRM * guard.velocity / guard.fastest

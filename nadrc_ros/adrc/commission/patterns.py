@@ -14,6 +14,8 @@ _GROWTH, _VERIFY, _VERIFICATIONS = 1.25, 1.5, 2
 _DEVIATIONS, _LEAST_SHARE, _SHARE = 6.0, 1e-3, 0.05
 # Of speed and travel, what a larger pulse may lead to; of the travel, from where it goes back.
 _LARGEST, _FAR = 0.35, 0.2
+# A machine that went so far of its travel, and nobody knows why, is left alone.
+_GONE = 0.35
 # After a pulse without motion it rests for that part of one.
 _SHORT_REST = 0.3
 # Lengths of doublets, in segments, and where the pulses of each go: neither speed nor place of a
@@ -30,6 +32,8 @@ class Pattern(ABC):
     ----------
     stage
         What it does, in a word.
+    complaint
+        Why it has to end at once, '' if it has not.
     pushed, sign, late
         How long the command has driven the present motion [s]; which sign of b0 that shows, 0
         before; and in what time it was seen at the fastest [s], which no dead time is longer than.
@@ -39,6 +43,7 @@ class Pattern(ABC):
     """
 
     stage = 'rest'
+    complaint = ''
     pushed = 0.0
     sign = 0
     late = 0.0
@@ -92,6 +97,8 @@ class Staircase(Pattern):
         elif self.stage == 'rest' and self._spent > 0.3 * self._length:
             self._rested, self._rest = 0.0, guard.moved
         if self.stage == 'rest':
+            if self.sign == 0 and abs(guard.moved) > _GONE * self._settings.travel:
+                self.complaint = f'travel: it moves by itself, and is {guard.moved:+.4g} away'
             least = self._length * (1.0 if own.moves else _SHORT_REST)
             if self._spent < least or not (slow or self._spent >= 4.0 * self._length):
                 return 0.0

@@ -17,8 +17,12 @@ import numpy as np
 NARROW = 0.1
 # Residuals of so many times the noise are worth another search.
 _BAD = 1.3
-# What no model is better than, of b0: the machine is not quite it.
+# What is enough to go on with where there is no more: the loop bears a factor of two.
+ACCEPTABLE = 0.25
+# What no model is better than, of b0, twice that with friction: the machine is not quite it.
 _LEAST_ERROR = 0.01
+# Of a motion that is hardly more than its noise the slopes tell too little of the uncertainty.
+_FAINT = 0.15
 # Shares of the bounds that a doublet may take by the model, and of the command.
 _TRAVEL, _SPEED, _COMMAND = 0.35, 0.45, 0.9
 # Lengths of the shortest pulse that are tried [periods], and how many times the dead time it is.
@@ -43,7 +47,9 @@ class Excitation:
         """Return b0 with an interval that allows for what the model does not explain."""
         fitted = self.fitted
         strange = max(fitted.residual / self.noise, 1.0) if self.noise > 0.0 else 1.0
-        least = _LEAST_ERROR * abs(fitted.b0.value)
+        least = _LEAST_ERROR * (2.0 if fitted.model.friction > 0.0 else 1.0)
+        least += _FAINT * fitted.residual / max(fitted.moved, fitted.residual)
+        least *= abs(fitted.b0.value)
         return attrs.evolve(fitted.b0, error=float(np.hypot(strange * fitted.b0.error, least)))
 
     @property
@@ -58,6 +64,9 @@ class Excitation:
         lines = [
             f'After {self.seconds:.3g} s of pulses: order {self.fitted.model.order}, b0 '
             f'{b0.value:.4g} (95 %: {b0.low:.4g} to {b0.high:.4g}).'
+            if self.samples
+            else f'The nudge told enough: order {self.fitted.model.order}, b0 {b0.value:.4g} '
+            f'(95 %: {b0.low:.4g} to {b0.high:.4g}).'
         ]
         return [*lines, *filter(None, [self.refusal])]
 
@@ -111,8 +120,11 @@ def refined(
     """Return what all segments tell, from the model before."""
     fitted = fit(segments, start.model, base.period, pace, size)
     model = fitted.model
-    if fitted.residual > _BAD * base.noise:  # another search, from all that is known by now
-        other = best(segments, max(model.friction, 0.1 * size), base.period, pace, size)
+    # another search, from all that is known by now
+    if len(samples) == 1 or fitted.residual > _BAD * base.noise:
+        stop = 1.0 if model.low == 0.0 else -1.0 if model.high == 0.0 else None
+        dry = max(model.friction, 0.1 * size)
+        other = best(segments, dry, base.period, pace, size, base.sign, stop)
         if other is not None and other.residual < fitted.residual:
             fitted = other
     return Excitation(

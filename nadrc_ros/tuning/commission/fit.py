@@ -20,6 +20,15 @@ import numpy as np
 
 _ITERATIONS, _GAINED, _DAMPED = 30, 1e-4, 1e6
 _STEP = 1e-3
+# What is known of parameters before anything is measured, in their units: standard deviations.
+_BEFORE = {
+    'b0': 3.0,
+    'damping': 3.0,
+    'stiffness': 3.0,
+    'load': 2.0,
+    'friction': 2.0,
+    'delay': 10.0,
+}
 # What is found of b0 is not farther from where the search began than that factor.
 _FARTHEST = 30.0
 _LONGEST_DELAY = 20
@@ -104,44 +113,52 @@ def fit(segments: Sequence[Segment], start: Model, h: float, pace: float, size: 
             break
         gradient = slopes(model, error)
     gradient = slopes(model, error)
-    inverse = np.linalg.pinv(gradient, rcond=1e-6)
+    # What the data do not tell is as uncertain as it is before: as a row more for each parameter.
+    rms = float(np.sqrt(error @ error / max(len(error) - len(units), 1)))
+    known = rms * np.diag([1.0 / _BEFORE[name] for name in units])
+    inverse = np.linalg.pinv(np.vstack((gradient, known)))
+    count = len(error)
     errors = {
-        name: unit * robust_error(row * error) for (name, unit), row in zip(units.items(), inverse)
+        name: unit
+        * float(np.hypot(robust_error(row[:count] * error), rms * np.linalg.norm(row[count:])))
+        for (name, unit), row in zip(units.items(), inverse)
     }
     seen = np.concatenate([each.measurement - each.y for each in segments])
     return Fitted(
         model=model,
         b0=Estimate(value=model.b0, error=errors['b0']),
         delay=Estimate(value=model.delay, error=errors['delay']),
-        residual=float(np.sqrt(error @ error / max(len(error) - len(units), 1))),
+        residual=rms,
         moved=float(np.sqrt(np.nanmean(seen**2))),
-        samples=len(error),
+        samples=count,
     )
 
 
-def scan(
-    segments: Sequence[Segment], order: int, frictions: Sequence[float], h: float
-) -> Model | None:
+def scan(segments: Sequence[Segment], kinds: Sequence[Model], h: float, sign: int) -> Model | None:
     """
-    Return the undamped model of one order that fits best, to begin a search with.
+    Return the one of some kinds of models that fits best, with a dead time, to begin a search.
 
-    Of given dead time and friction, in units of the command, the response is b0 times that for
-    b0 = 1: the best b0 is a quotient, of either sign.
+    The response is b0 times that for b0 = 1, for friction and load are in units of the command
+    (without stiffness): the best b0 is a quotient, of the ``sign`` that is known, 0 for either.
     """
     chosen, least = None, inf
-    for friction in frictions:
+    for kind in kinds:
+        zero = attrs.evolve(kind, b0=0.0)
+        seen = np.concatenate([_left(each, zero, h) for each in segments])
         for late in range(_SCANNED):
-            model = Model(order=order, b0=1.0, friction=friction, delay=late * h)
-            zero = attrs.evolve(model, b0=0.0)
-            seen = np.concatenate([_left(each, zero, h) for each in segments])
+            model = attrs.evolve(kind, delay=late * h)
             unit = seen - np.concatenate([_left(each, model, h) for each in segments])
             power = float(unit @ unit)
             if not power > 0.0:
                 continue
-            b0 = float(unit @ seen) / power
-            left = float(seen @ seen) - b0 * b0 * power
-            if left < least and b0 != 0.0:
-                chosen, least = attrs.evolve(model, b0=b0), left
+            ratio = float(unit @ seen) / power
+            left = float(seen @ seen) - ratio * ratio * power
+            # what may move one way only tells which way that is
+            held = kind.low > -inf or kind.high < inf
+            if sign * ratio * kind.b0 < 0.0:
+                continue
+            if left < least and (ratio > 0.0 or (ratio < 0.0 and not held)):
+                chosen, least = attrs.evolve(model, b0=kind.b0 * ratio), left
     return chosen
 
 
@@ -149,21 +166,21 @@ def _left(segment: Segment, model: Model, h: float) -> Array:
     """Return measurement - model, without what the initial state explains."""
     commands = segment.commands[segment.before - model.lead(h) :]
     found, _ = model.response(commands, h, segment.y, segment.v)
-    left = segment.measurement - np.array(found)
+    left: Array = segment.measurement - np.array(found)
     known = np.isfinite(left)
-    time = np.arange(1, len(left) + 1)[known] * h
+    left = left[known]
+    held = segment.resting and (model.friction > 0.0 or model.low == 0.0 or model.high == 0.0)
     if model.order == 1:
-        if model.friction > 0.0 and segment.resting:
-            alone: Array = left[known]
-            return alone
-        columns = np.exp(-np.clip(model.damping * time, -50.0, 50.0))[:, None]
-    elif segment.resting and model.friction > 0.0:
-        columns = np.ones((len(time), 1))
-    else:
-        columns = np.column_stack((np.ones(len(time)), time))
-    basis, _ = np.linalg.qr(columns)
-    rest: Array = left[known] - basis @ (basis.T @ left[known])
-    return rest
+        if held:
+            return left
+        decay = np.exp(-np.clip(model.damping * h * np.flatnonzero(known), -50.0, 50.0))
+        left -= decay * (float(decay @ left) / float(decay @ decay))
+        return left
+    left -= left.mean()
+    if not held:
+        time = np.flatnonzero(known) - np.flatnonzero(known).mean()
+        left -= time * (float(time @ left) / float(time @ time))
+    return left
 
 
 def _moved(model: Model, steps: dict[str, float], start: Model, h: float) -> Model:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import nan
+from typing import Any
 
 import attrs
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
 from nadrc_ros.tuning.commission.fit import fit, Fitted, scan, Segment
 from nadrc_ros.tuning.commission.machine import Samples
+from nadrc_ros.tuning.commission.model import Model
 from nadrc_ros.tuning.commission.segments import pulses, segments
 import numpy as np
 
 ORDERS = (1, 2)
-# A model with friction, or of order 2, has to be better than one without by that factor.
+# A model with friction or a stop has to be better than one without by that factor.
 _BETTER = 1.03
 # Friction, as shares of the largest command that did not move it, from which a search begins.
 _FRICTIONS = (0.5, 0.8, 1.0)
@@ -93,8 +95,12 @@ def judge_nudge(samples: Samples, settings: ExperimentSettings, level: float) ->
     size = max(abs(size) for size, moves in zip(sizes, moving) if moves)
     rows = [end - first for (first, end), moves in zip(parts, moving) if moves]
     pace = max(0.25 * float(np.median(rows)), 4.0) * settings.period
+    unanimous = vote if abs(sum(ways)) == len(ways) > 1 else 0
     dry = max(min((without for without, _ in breakaway.values()), default=0.0), 1e-3 * size)
-    fitted = best(found, dry, settings.period, pace, size)
+    stop = None
+    if any(moves != moves for _, moves in breakaway.values()):  # it lies on a stop, perhaps
+        stop = vote * max(way for way, (_, moves) in breakaway.items() if moves == moves)
+    fitted = best(found, dry, settings.period, pace, size, unanimous, stop)
     if fitted is None:
         said = 'The pulses are too short to tell anything: allow more travel or speed.'
         return Nudge(samples=samples, sign=vote, breakaway=breakaway, fitted=None, refusal=said)
@@ -116,20 +122,53 @@ def judge_nudge(samples: Samples, settings: ExperimentSettings, level: float) ->
 
 
 def best(
-    found: Sequence[Segment], dry: float, h: float, pace: float, size: float
+    found: Sequence[Segment],
+    dry: float,
+    h: float,
+    pace: float,
+    size: float,
+    sign: int,
+    stop: float | None = None,
 ) -> Fitted | None:
-    """Return the simplest model of those that fit best; ``dry`` is the least friction, if any."""
+    """
+    Return the simplest model of those that fit best.
+
+    ``dry`` is the least friction, or load, if there is any; ``sign`` is that of b0, 0 if it is not
+    known; of a machine that may lie on a stop,
+    ``stop`` is the sign of the output's way from there.
+    """
     chosen = None
     if sum(len(each.measurement) for each in found) < _FEWEST:
         return None
     for order in ORDERS:
-        for frictions in ([0.0], [share * dry for share in _FRICTIONS]):
-            start = scan(found, order, frictions, h)
+        free = Model(order=order, b0=1.0)
+        own: Fitted | None = None
+        kinds = [
+            [attrs.evolve(free, damping=damping) for damping in (0.0, 1.0 / pace, 0.3 / h)],
+            [
+                attrs.evolve(free, friction=share * dry, damping=damping)
+                for share in _FRICTIONS
+                for damping in (0.0, 1.0 / pace)
+            ],
+        ]
+        if stop is not None:
+            ends: dict[str, Any] = {'low': 0.0} if stop > 0.0 else {'high': 0.0}
+            kinds.append(
+                [
+                    attrs.evolve(free, b0=b0, load=share * dry * stop * b0, **ends)
+                    for share in (0.0, *_FRICTIONS)
+                    for b0 in (1.0, -1.0)
+                ]
+            )
+        for each in kinds:
+            start = scan(found, each, h, sign)
             if start is None:
                 continue
             fitted = fit(found, start, h, pace, size)
-            if chosen is None or fitted.residual * _BETTER < chosen.residual:
-                chosen = fitted
+            simple = own is None or fitted.residual * _BETTER < own.residual
+            own = fitted if simple else own
+        if own and (chosen is None or own.residual < chosen.residual):
+            chosen = own
     return chosen
 
 

@@ -10,7 +10,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import Margins, margins
-from nadrc_ros.tuning.commission.excite import Excitation
+from nadrc_ros.tuning.commission.excite import ACCEPTABLE, Excitation
 from nadrc_ros.tuning.commission.machine import Array, Simulated
 from nadrc_ros.tuning.commission.model import Model, ModelPlant
 from nadrc_ros.tuning.design.bandwidths import patient
@@ -199,9 +199,9 @@ def _refusal(excitation: Excitation) -> str:
     b0, fitted = excitation.b0, excitation.fitted
     if b0.low * b0.high <= 0.0:
         return 'Even the sign of b0 is not sure: allow more travel, speed or command.'
-    if not excitation.narrow:
+    if b0.half_width > ACCEPTABLE:
         return (
-            f'b0 is known to +-{100 * b0.half_width:.0f} % only, and 10 % are asked for: allow '
+            f'b0 is known to +-{100 * b0.half_width:.0f} % only, and 25 % are needed: allow '
             'more time (--longest), travel, speed or command.'
         )
     strange = fitted.residual / excitation.noise if excitation.noise > 0.0 else 1.0

@@ -29,6 +29,7 @@ from nadrc_ros.tuning.commission.say import CAREFUL, designed, Finding
 from nadrc_ros.tuning.commission.say import say as judge
 from nadrc_ros.tuning.commission.segments import doublets, pulses, segments
 from nadrc_ros.tuning.design.requirements import Conflict
+import numpy as np
 
 # The first pulse of a staircase, as a share of the largest, and pulses in its whole time.
 _FIRST, _PULSES = 1.0 / 40.0, 70.0
@@ -36,8 +37,16 @@ _FIRST, _PULSES = 1.0 / 40.0, 70.0
 _SHORTEST = 10
 # Doublets last at first that many of their shortest pulses, and so many times longer each time.
 _CHUNK, _GROWTH, _ROUNDS = 45.0, 2.0, 4
+# After a bound, of the amplitude before.
+_SMALLER = 0.6
+# A nudge tells enough with that part of what is narrow, and a motion of so many times the noise.
+_PLENTY, _CLEAR = 0.6, 20.0
 # A machine that leaves its travel in that time [s] by itself is not nudged.
 _UNTIL_AWAY = 4.0
+# From that share of its travel on a machine has to be brought back before it goes on, which is
+# looked at for so long [s].
+_AWAY, _GLANCE = 0.4, 0.05
+BRING_IT_BACK = 'Bring the machine back'
 # So much slower than the fastest is what catches a machine.
 _SLOW = 2.0
 
@@ -142,52 +151,64 @@ def excite(
         nudged.samples, pulses(nudged.samples), base.period, base.center, seen.noise, seen.level
     )
     fitted = nudged.fitted
-    runs: tuple[Samples, ...] = ()
-    spent, shrink = 0.0, 1.0
-    pace, size = _SHORTEST * base.period, 0.25 * base.max_command
-    state: Excitation | None = None
-    chunk = _CHUNK
-    for _ in range(_ROUNDS):
-        model = fitted.model
-        at = attrs.evolve(base, delay=model.delay, max_command=base.max_command * shrink)
-        planned = sized(model, attrs.evolve(at, longest=base.longest))
-        catching = controller_for(nudged, seen, fitted, at, machine.present)
+    state = Excitation(
+        samples=(), segments=tuple(found), fitted=fitted, noise=seen.noise, seconds=0.0
+    )
+    if state.b0.half_width <= _PLENTY * NARROW and fitted.moved > _CLEAR * seen.noise:
+        return state
+    spent, shrink, chunk = 0.0, 1.0, _CHUNK
+    for round_ in range(_ROUNDS):
+        model = state.fitted.model
+        at = attrs.evolve(base, delay=model.delay, max_command=shrink * base.max_command)
+        planned = sized(model, at)
         left = min(base.longest, seconds) - spent
         if planned is None or left < 10.0 * planned.segment:
             break
-        length = min(chunk * planned.segment, left)
-        planned = attrs.evolve(planned, longest=length, max_command=base.max_command)
-        samples = machine.run(
-            attrs.evolve(
-                planned, seed=planned.seed + len(runs), kind='closed' if catching else 'doublet'
-            ),
-            catching,
+        catching = controller_for(seen, state.fitted, at, machine.present)
+        planned = attrs.evolve(
+            planned,
+            kind='closed' if catching else 'doublet',
+            longest=min(chunk * planned.segment, left),
+            max_command=base.max_command,
+            seed=planned.seed + round_,
         )
-        runs += (samples,)
+        if said := gone(machine, base, seen):
+            return attrs.evolve(state, refusal=said)
+        samples = machine.run(planned, catching)
         spent += float(samples.time[-1] - samples.time[0])
-        new = segments(
+        found += segments(
             samples, doublets(samples), base.period, base.center, seen.noise, seen.level
         )
-        found = found + new
+        runs = (*state.samples, samples)
         pace, size = planned.segment, planned.amplitude
-        state = refined(fitted, found, runs, base, pace, size, spent)
-        fitted = state.fitted
+        state = refined(state.fitted, found, runs, base, pace, size, spent)
+        if samples.outcome in ('lost', 'stopped'):
+            said = f'The experiment was not finished: {samples.reason}.'
+            return attrs.evolve(state, refusal=said)
         if samples.outcome == 'bound':
-            shrink *= 0.6
-        if samples.outcome == 'lost':
-            return attrs.evolve(state, refusal=f'The measurement was lost: {samples.reason}')
-        if state.b0.half_width <= NARROW and samples.outcome == 'done':
-            return state
+            shrink *= _SMALLER
+        elif state.narrow:
+            break
         chunk *= _GROWTH
-    if state is None:
-        state = Excitation(
-            samples=(), segments=tuple(found), fitted=fitted, noise=seen.noise, seconds=0.0
-        )
     return state
 
 
+def gone(machine: Machine, base: ExperimentSettings, seen: Look) -> str:
+    """Say that the machine is too far from where it began to go on, '' if it is not."""
+    measurement = machine.listen(max(_GLANCE, 5.0 * base.period)).measurement
+    known = measurement[np.isfinite(measurement)]
+    if not known.size:
+        return 'No measurement comes any more.'
+    away = float(np.median(known)) - seen.level
+    if abs(away) <= _AWAY * base.travel:
+        return ''
+    return (
+        f'{BRING_IT_BACK}: it is {away:+.3g} away from where it began, of a travel of '
+        f'{base.travel:g}. Nothing holds it, or it runs away by itself.'
+    )
+
+
 def controller_for(
-    nudged: Nudge,
     seen: Look,
     fitted: Fitted,
     base: ExperimentSettings,
@@ -219,6 +240,9 @@ def say(
 def attempt(machine: Machine, base: ExperimentSettings, seen: Look, finding: Finding) -> Trial:
     """Take over with the new settings, step and step back, and compare with the prediction."""
     assert finding.settings is not None
+    if said := gone(machine, base, seen):
+        nothing = machine.listen(base.period)
+        return Trial(samples=nothing, finding=finding, accepted=False, refusal=said)
     count = len(finding.predicted)
     settings = attrs.evolve(
         base,
