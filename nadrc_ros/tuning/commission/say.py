@@ -38,6 +38,9 @@ STEP_SHARE = 0.15
 # Of the step: what a prediction may be off that is right.
 _BAND_SHARE = 0.03
 _DEVIATIONS = 3.0
+# What the tries are apart, to what three deviations are; the largest of some that friction lets go
+# by chance is one and a half of them.
+_WIDE, _WIDE_DRY = 1.3, 2.0
 # How often a machine with friction is simulated.
 _SEEDS = 4
 # Settling times that a step lasts.
@@ -273,5 +276,6 @@ def with_step(finding: Finding, base: ExperimentSettings) -> Finding:
         others += [attrs.evolve(model, friction=f * model.friction) for f in (0.8, 1.2)]
     tries += [response(other, seed) for seed, other in enumerate(others)]
     apart = np.max(np.abs(np.array(tries) - usual), axis=0)
-    band = _DEVIATIONS * 1.2 * base.noise + 1.3 * apart + _BAND_SHARE * size
+    wide = _WIDE_DRY if model.friction > 0.0 else _WIDE
+    band = _DEVIATIONS * 1.2 * base.noise + wide * apart + _BAND_SHARE * size
     return attrs.evolve(finding, step=size, predicted=usual, band=band)
