@@ -22,6 +22,10 @@ _FRICTIONS = (0.5, 0.8, 1.0)
 # A model that leaves more than that many times the noise proves nothing against what was seen.
 _STRANGE = 3.0
 _FEWEST = 12
+# Damping of a model that grows by a third within a pulse is none of a machine that rests.
+_RUNAWAY = 0.3
+# So many pulses of both directions say the same.
+_UNANIMOUS = 3
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -95,7 +99,8 @@ def judge_nudge(samples: Samples, settings: ExperimentSettings, level: float) ->
     size = max(abs(size) for size, moves in zip(sizes, moving) if moves)
     rows = [end - first for (first, end), moves in zip(parts, moving) if moves]
     pace = max(0.25 * float(np.median(rows)), 4.0) * settings.period
-    unanimous = vote if abs(sum(ways)) == len(ways) > 1 else 0
+    both = len({size > 0.0 for size, moves in zip(sizes, moving) if moves}) == 2
+    unanimous = vote if both and abs(sum(ways)) == len(ways) >= _UNANIMOUS else 0
     dry = max(min((without for without, _ in breakaway.values()), default=0.0), 1e-3 * size)
     stop = None
     if any(moves != moves for _, moves in breakaway.values()):  # it lies on a stop, perhaps
@@ -167,7 +172,11 @@ def best(
             fitted = fit(found, start, h, pace, size)
             simple = own is None or fitted.residual * _BETTER < own.residual
             own = fitted if simple else own
-        if own and (chosen is None or own.residual < chosen.residual):
+        if own is None:
+            continue
+        # order 2 with much damping is order 1, which is taken unless it runs away
+        steady = chosen is not None and chosen.model.damping > -_RUNAWAY / pace
+        if chosen is None or own.residual * (_BETTER if steady else 1.0) < chosen.residual:
             chosen = own
     return chosen
 
