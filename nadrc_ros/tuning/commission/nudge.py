@@ -91,7 +91,7 @@ def judge_nudge(samples: Samples, settings: ExperimentSettings, level: float) ->
     ]
     found = segments(samples, kept, settings.period, settings.center, settings.noise, level)
     ways = [
-        np.sign(_travelled(samples, *part) * size)
+        np.sign(_farthest_from_start(samples, *part) * size)
         for part, size, moves in zip(parts, sizes, moving)
         if moves
     ]
@@ -185,7 +185,7 @@ def _moves(samples: Samples, first: int, end: int) -> bool:
     return bool((samples.stage[first:end] == 'coast').any())
 
 
-def _travelled(samples: Samples, first: int, end: int) -> float:
+def _farthest_from_start(samples: Samples, first: int, end: int) -> float:
     y = samples.measurement[first:end]
     base = np.nanmean(samples.measurement[max(first - 3, 0) : first + 1])
     away = np.nan_to_num(y - base)
