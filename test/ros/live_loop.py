@@ -10,7 +10,6 @@ from itertools import count
 import json
 from pathlib import Path
 import re
-import signal
 from threading import Event, Thread
 import time
 from typing import Any
@@ -255,8 +254,3 @@ class Page:
             else:
                 self.messages.append(json.loads(message))
         self.closed = True
-
-
-def kill(process: NodeProcess) -> float:
-    """Kill a process, and return when."""
-    return process.signal(signal.SIGKILL)

@@ -12,7 +12,7 @@ import socket
 import time
 from typing import Any
 
-from live_loop import kill, Page, PERIOD, RATE, Served, until
+from live_loop import Page, PERIOD, RATE, Served, until
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.live.monitor import Monitor
 from nadrc_ros.live.requests import Requests
@@ -375,7 +375,7 @@ def test_p22_a_server_that_stands_still_or_is_killed_costs_the_controller_nothin
         assert sent + served.controller.ticker.missed - missed >= 0.8 * periods
         process.signal(signal.SIGCONT)
         assert page.ask('enable', hold=True)['ok']
-        begin = kill(process)
+        begin = process.signal(signal.SIGKILL)
         until(lambda: not served.enabled)
         taken = time.monotonic() - begin
     assert process.end() == -signal.SIGKILL
