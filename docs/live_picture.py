@@ -1,4 +1,8 @@
-"""Take the picture in docs/live.md: of the page at the address that ``nadrc live`` printed."""
+"""
+Take the picture in docs/live.md: ``python docs/live_picture.py ADDRESS``.
+
+The address is the one that ``nadrc live``, or ``nadrc demo --live``, printed.
+"""
 
 from __future__ import annotations
 

@@ -18,6 +18,7 @@ const LEAST = 95; // px
 const LABELS = 40; // px below the last plot over time
 const PEEK = 60; // px of the spectrum that show that there is one
 const SPECTRUM_EVERY = 1000; // ms
+const STALE = 150; // ms
 
 export const drawn = []; // { name, timed, lines, model, view, element }
 const hidden = new Set(['measurement', 'output', 'output_estimate']);
@@ -26,6 +27,7 @@ const colored = [];
 let given = null; // what /plots.json says
 let parameters = new Map();
 let dirty = false;
+let drawn_at = 0; // ms
 let spectrum_at = 0;
 
 const shade = (light) => (night.matches ? given.dark[light] ?? light : light);
@@ -144,8 +146,9 @@ function fill_time(plot, shown) {
     right: states.map((each) => (each === spans[spans.length - 1] ? Math.max(each.end, shown[1]) : each.end)),
     color: states.map(({ state }) => shade(given.states[state])),
   };
-  const silent = gaps.filter((gap) => inside(gap) && plot.lines.some(({ name }) => breaks(gap.column)(name)));
-  if (about.silent || latest() - about.measured > Math.max(SILENT, 5 / about.rate)) silent.push({ begin: about.measured, end: shown[1] });
+  const mute = about.silent || latest() - about.measured > Math.max(SILENT, 5 / about.rate);
+  const now = mute ? [{ begin: about.measured, end: shown[1], column: 'measurement' }] : [];
+  const silent = [...gaps, ...now].filter((gap) => inside(gap) && plot.lines.some(({ name }) => breaks(gap.column)(name)));
   plot.parts.gaps.data_source.data = { left: silent.map((each) => each.begin), right: silent.map((each) => each.end) };
   const changes = marks.filter((each) => each.time > shown[0] && each.time < shown[1]).slice(-MOST_MARKS);
   const data = { x: changes.map((each) => each.time), number: changes.map(({ number }) => String(number)) };
@@ -234,6 +237,7 @@ function listen(plot) {
 
 function draw() {
   dirty = false;
+  drawn_at = performance.now();
   if (document.visibilityState !== 'visible') return;
   const shown = span();
   const [first] = drawn;
@@ -350,7 +354,7 @@ export async function start() {
   paint();
   night.addEventListener('change', paint);
   on('samples', () => { if (!paused()) redraw(); });
-  on('state', () => { if (!paused()) redraw(); });
+  on('state', () => { if (!paused() && performance.now() - drawn_at > STALE) redraw(); }); // time goes on
   on_view(() => { spectrum_at = 0; redraw(); });
   addEventListener('resize', fit);
   on('hello', () => requestAnimationFrame(fit)); // which lines there are
