@@ -62,6 +62,7 @@ def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) 
     assert sections == links == ORDER.split()
     assert '4 s at 100 Hz on the plant paper, started then.' in page.words()
     assert 'Nothing was lost. One parameter was changed during the run.' in page.words()
+    assert 'All parameters are printed only if they are open' in page.words()
     for text in ('inner_bandwidth', '55.5', str(2**63 - 1)):
         assert text in page.text
     assert 'Bandwidths: A controller 4 rad/s; B level 2 30 rad/s;' in page.words()
