@@ -2,7 +2,7 @@
 The site, made by `make docs`: Sphinx on the pages as they are in the repository.
 
 Sphinx runs on the whole repository (`sphinx-build -c docs . out/docs/html`), so that the links of
-the pages lead to the same places here and there. A new page in docs/ joins by itself.
+the pages lead to the same places here and there. A new page in docs/ joins CONTENTS.
 """
 
 from pathlib import Path
@@ -39,32 +39,32 @@ html_css_files = ['wide.css']
 html_copy_source = False
 html_show_copyright = False
 
-CONTENTS = """
-```{toctree}
-:hidden:
-:caption: Guide
-:glob:
+# The pages by purpose; Sphinx names a page that is in none of them.
+CONTENTS = {
+    'How-to': (
+        'troubleshooting commission live identify choosing tuning report recording wiring cascade '
+        'angles reference feed_forward applied delay known_dynamics vibration gain_table '
+        'rest own testing export'
+    ),
+    'Reference': 'commands parameters scenarios files nomenclature live_protocol api',
+    'Explanation': 'paper safety performance architecture',
+}
+PROJECT = 'CONTRIBUTING CHANGELOG SECURITY QUALITY_DECLARATION'
 
-docs/scenarios
-docs/*
-```
 
-```{toctree}
-:hidden:
-:caption: Project
-
-CONTRIBUTING
-CHANGELOG
-SECURITY
-QUALITY_DECLARATION
-```
-"""
+def _contents(caption: str, pages: list[str]) -> str:
+    """Return one part of the sidebar."""
+    return '\n'.join(
+        ['', '```{toctree}', ':hidden:', f':caption: {caption}', '', *pages, '```', '']
+    )
 
 
 def _add_contents(_: Sphinx, page: str, source: list[str]) -> None:
     """Give the README the contents of the site, which GitHub would show as they are."""
     if page == root_doc:
-        source[0] += CONTENTS
+        for caption, pages in CONTENTS.items():
+            source[0] += _contents(caption, [f'docs/{page}' for page in pages.split()])
+        source[0] += _contents('Project', PROJECT.split())
 
 
 def _copy_start(app: Sphinx, error: Exception | None) -> None:

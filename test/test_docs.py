@@ -147,7 +147,10 @@ def test_the_faults_of_the_example_load() -> None:
     assert len(scenario.faults.measurement) == 2 and len(scenario.faults.command) == 1
 
 
-@pytest.mark.parametrize('page', ['files', 'parameters', 'performance', 'safety', 'scenarios'])
+GENERATED = ['commands', 'files', 'parameters', 'performance', 'safety', 'scenarios']
+
+
+@pytest.mark.parametrize('page', GENERATED)
 def test_what_is_generated_is_up_to_date(page: str) -> None:
     sys.path.insert(0, str(ROOT / 'docs'))
     generator: Any = import_module(page)
