@@ -60,8 +60,8 @@ def export(
     """
     Write a controller as C with the same bits: two files without malloc, globals or libm.
 
-    With test vectors and the program that runs them: on your machine, with your compiler. What
-    is to be called when: docs/export.md.
+    With test vectors and the program that runs them: on your machine, with your compiler. How to
+    build and call it: docs/export.md.
 
     Example: nadrc export c my_robot.yaml --out firmware/yaw --rate 1000
     """
