@@ -9,9 +9,9 @@ than one period's worth; wrong signs of b0; intervals of b0 that hold the truth;
 parameters were accepted, and those that were refused, with the reason; whether the accepted loop
 is stable and its step inside the band that was predicted.
 
-One period's worth is, of travel, how far the machine went in its fastest period, and of speed, by how
-much its rate changed in one period at most. Travel counts from where commissioning began; between two
-steps an operator brings a machine back that is far away, which is counted.
+One period's worth is, of travel, how far the machine went in its fastest period, and of speed, by
+how much its rate changed in one period at most. Travel counts from where commissioning began; an
+operator brings a machine back that is far away between two steps, which is counted.
 """
 
 from __future__ import annotations
