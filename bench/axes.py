@@ -29,8 +29,9 @@ from typing import Any
 import attrs
 from bench.processes import BARE, CONTROLLER, Process, process
 from bench.results import save, show
-from nadrc_ros.ros.runtime import init_ros, make_executor, private_domain, spin_for
+from nadrc_ros.ros.runtime import init_ros, private_domain
 from nadrc_ros.ros.topics import Info, receive, Sender
+from nadrc_ros.ros.versions import make_executor, spin_for
 import numpy as np
 import rclpy
 from rclpy.clock import Clock, ClockType

@@ -20,8 +20,9 @@ from typing import Any
 
 from bench.results import save, show
 from geometry_msgs.msg import Quaternion
-from nadrc_ros.ros.runtime import init_ros, make_executor, private_domain, spin_for
+from nadrc_ros.ros.runtime import init_ros, private_domain
 from nadrc_ros.ros.topics import Input, LATEST, receive, SEND
+from nadrc_ros.ros.versions import make_executor, spin_for
 from nadrc_ros.ros.wires import make_wire
 from nadrc_ros.wiring.address import parse_address
 from nav_msgs.msg import Odometry

@@ -20,8 +20,9 @@ from nadrc_ros.live.peer import ask
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.experiment_rows import COLUMNS, RowsReader, STAGES
 from nadrc_ros.ros.graph import publishers
-from nadrc_ros.ros.runtime import init_ros, make_executor, spin_until_over
+from nadrc_ros.ros.runtime import init_ros
 from nadrc_ros.ros.topics import Info, receive, Sender
+from nadrc_ros.ros.versions import make_executor, spin_until_over
 from nadrc_ros.ros.wires import make_wire, PREFIX, Wire
 from nadrc_ros.tuning.commission.machine import Samples
 from nadrc_ros.wiring.address import parse_address

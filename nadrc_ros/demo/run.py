@@ -22,8 +22,9 @@ from nadrc_ros.records.recording import read_samples, SUMMARY
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.graph import missing_readers
 from nadrc_ros.ros.parameter_watch import ASK_AGAIN
-from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
+from nadrc_ros.ros.runtime import init_ros
 from nadrc_ros.ros.topics import receive
+from nadrc_ros.ros.versions import make_executor, spin_for
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Retune
 from rcl_interfaces.srv import SetParametersAtomically

@@ -23,13 +23,8 @@ from nadrc_ros.live.access import Access
 from nadrc_ros.live.monitor import Monitor
 from nadrc_ros.live.server import application
 from nadrc_ros.live.session import Session
-from nadrc_ros.ros.runtime import (
-    BAD_START,
-    init_ros,
-    make_executor,
-    spin_until_over,
-    stop_signals,
-)
+from nadrc_ros.ros.runtime import BAD_START, init_ros, stop_signals
+from nadrc_ros.ros.versions import make_executor, spin_until_over
 import rclpy
 from rclpy.node import Node
 from tornado.httpserver import HTTPServer

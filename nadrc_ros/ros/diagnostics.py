@@ -11,7 +11,8 @@ import time
 import attrs
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nadrc_ros.ros.pacing import steady_timer
-from nadrc_ros.ros.topics import Info, with_info
+from nadrc_ros.ros.topics import Info
+from nadrc_ros.ros.versions import with_info
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy

@@ -9,7 +9,8 @@ import time
 from typing import Any
 
 from nadrc_ros.ros.graph import node_of
-from nadrc_ros.ros.topics import Info, with_info
+from nadrc_ros.ros.topics import Info
+from nadrc_ros.ros.versions import with_info
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node

@@ -20,22 +20,15 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.ros.arguments import refuse_malformed, rules_of, tell_unused
 from nadrc_ros.ros.command_line import About, NodeParser
 from nadrc_ros.ros.node import LiveNode
-from nadrc_ros.ros.pacing import steady_timer
+from nadrc_ros.ros.versions import choose_transport, make_executor, spin_for, spin_until_over
 from nadrc_ros.terminal import columns, wrapped
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor
 from rclpy.logging import get_logger
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
-# Whether all is over is looked at so often [s].
-_POLL = 0.05
-# So much longer than asked for may a spin take that waits for one callback [s].
-_LONGEST_WAIT = 0.02
-_LONG = 60.0
 # The ramp to the safe command may take so long [s].
 _STOP_TIME = 0.5
 # The least life of a writer after its last message, for readers that do not acknowledge.
@@ -100,33 +93,6 @@ def _take_domain() -> int:
     raise UserError(f'all ROS domains from {_DOMAINS[0]} to {_DOMAINS[-1]} are taken')
 
 
-def make_executor(context: Context | None = None) -> Executor:
-    """Return the executor with the least latency and load that this rclpy has."""
-    try:
-        from rclpy.experimental import EventsExecutor
-    except ImportError:
-        return SingleThreadedExecutor(context=context)
-    return EventsExecutor(context=context)
-
-
-def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> None:
-    """
-    Run callbacks for some time, or until ``done`` is.
-
-    An untimed spin of the EventsExecutor of rclpy 7.1.6 never returns (a time overflow, mended in
-    7.1.8), so nothing here spins without a timeout. Nor do the others spin until a future is
-    complete: with every callback they would add one more to those of the future. They take one
-    callback at a time, and look anew at all that a node has whenever the timeout is another one.
-    """
-    done = done or Future()
-    if not isinstance(executor, Executor):
-        executor.spin_until_future_complete(done, timeout_sec=seconds)
-        return
-    end = time.monotonic() + seconds
-    while not done.done() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=min(seconds, _LONGEST_WAIT))
-
-
 def stop_signals() -> list[int]:
     """
     Return the signals that ask for an orderly stop: Ctrl-C, termination, the end of the terminal.
@@ -139,33 +105,9 @@ def stop_signals() -> list[int]:
     return ends
 
 
-def spin_until_over(executor: Executor, node: Node, over: Callable[[], object]) -> None:
-    """
-    Run callbacks until ``over()``, which is looked at every _POLL seconds.
-
-    It is a timer of the node that looks, as each return from a spin of the EventsExecutor leaks
-    memory in rclpy 7.1.6; its ``spin_once`` does not, but misses periods of fast timers.
-    """
-    done = Future()
-
-    def look() -> None:
-        if over():
-            done.set_result(None)
-
-    steady_timer(node, _POLL, look)
-    while not done.done():
-        spin_for(executor, _LONG, done)
-
-
 def init_ros(arguments: list[str] | None = None, context: Context | None = None) -> None:
-    """
-    Start ROS, with signals left to us and, unless the environment says otherwise, over UDP only.
-
-    A process that is killed while it starts can leave shared memory of Fast DDS 2.14 unfinished,
-    and who opens that waits for ever: the controller, too, in ``publish``, for a dead recorder.
-    Where discovery is LOCALHOST, rmw_fastrtps 8.4 opens shared memory all the same.
-    """
-    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+    """Start ROS with signals left to us, over UDP unless the environment says otherwise."""
+    choose_transport()
     arguments = list(sys.argv if arguments is None else arguments)
     if complaint := _no_log_file():
         arguments += ['--ros-args', '--disable-external-lib-logs']

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 import copy
-import functools
 from math import nan
 from struct import Struct
 from typing import Any
@@ -14,6 +13,7 @@ import attrs
 from diagnostic_msgs.msg import DiagnosticStatus
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.ros.versions import with_info
 from nadrc_ros.ros.wires import FLOAT64, Wire
 from nadrc_ros.wiring.reader import Absent
 from rclpy.duration import Duration
@@ -219,18 +219,6 @@ def _taker(heard: Input, wire: Wire, callback: Receive) -> Take:
         callback(value, timed(data, info))
 
     return take
-
-
-def with_info(callback: Callable[[Any, Info], None]) -> Callable[..., None]:
-    """Return a callback of a message and its info that works on every executor."""
-
-    @functools.wraps(callback)
-    def call(*args: Any) -> None:
-        # In rclpy 7.1.6 the EventsExecutor passes message and info as ONE tuple.
-        message, info = args if len(args) == 2 else args[0]
-        callback(message, info)
-
-    return call
 
 
 def _number(data: bytes) -> float:

@@ -13,8 +13,9 @@ from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import refuse_unknown_keys
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.graph import publishers, readers
-from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
-from nadrc_ros.ros.topics import Info, Input, LATEST, receive, with_info
+from nadrc_ros.ros.runtime import init_ros
+from nadrc_ros.ros.topics import Info, Input, LATEST, receive
+from nadrc_ros.ros.versions import make_executor, spin_for, with_info
 from nadrc_ros.ros.wires import (
     FLOAT64,
     make_wire,

@@ -25,7 +25,8 @@ from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.ros.node import LiveNode
-from nadrc_ros.ros.runtime import init_ros, make_executor, private_domain
+from nadrc_ros.ros.runtime import init_ros, private_domain
+from nadrc_ros.ros.versions import make_executor
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.testing.running_loop import RunningLoop

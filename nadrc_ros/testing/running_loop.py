@@ -22,7 +22,7 @@ from nadrc_ros.records.recording import JOINED, read_samples, STAMPS
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.lockstep import Lockstep
 from nadrc_ros.ros.node import LiveNode
-from nadrc_ros.ros.runtime import spin_for
+from nadrc_ros.ros.versions import spin_for
 from nadrc_ros.simulation.experiment import Retune
 from nadrc_ros.simulation.faults import first_period
 from nadrc_ros.simulation.simulate import Result

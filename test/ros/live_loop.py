@@ -19,8 +19,8 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.recorder import RecorderNode
 from nadrc_ros.nodes.reference import ReferenceNode
-from nadrc_ros.ros.runtime import spin_for
 from nadrc_ros.ros.topics import receive, RECORD
+from nadrc_ros.ros.versions import spin_for
 import numpy as np
 from numpy.typing import NDArray
 from probe import NodeProcess, Probe, Processes

@@ -14,8 +14,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nadrc_ros.ros.node import LiveNode
-from nadrc_ros.ros.runtime import init_ros, make_executor, spin_for
+from nadrc_ros.ros.runtime import init_ros
 from nadrc_ros.ros.topics import receive, RECORD, SEND
+from nadrc_ros.ros.versions import make_executor, spin_for
 from nadrc_ros.testing import spin_until
 from nadrc_ros.yaml_text import write_yaml
 from rcl_interfaces.srv import (

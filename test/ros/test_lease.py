@@ -13,7 +13,7 @@ from nadrc_ros.adrc.status import Cause, Mode
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.lease import LONGEST, SHORTEST, STOPPED
 from nadrc_ros.ros.diagnostics import receive_events, WARN
-from nadrc_ros.ros.runtime import make_executor
+from nadrc_ros.ros.versions import make_executor
 from probe import Probe, Processes
 import pytest
 from rclpy.executors import Executor, SingleThreadedExecutor

@@ -14,7 +14,7 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.nodes.reference import ReferenceNode
 from nadrc_ros.ros.diagnostics import ERROR, WARN
-from nadrc_ros.ros.runtime import make_executor
+from nadrc_ros.ros.versions import make_executor
 from probe import Probe, Processes
 import pytest
 from rclpy.executors import SingleThreadedExecutor

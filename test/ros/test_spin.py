@@ -9,7 +9,7 @@ import sys
 import time
 
 from nadrc_ros.ros.pacing import SharedTimer, TOLERABLE
-from nadrc_ros.ros.runtime import make_executor, spin_for, spin_until_over
+from nadrc_ros.ros.versions import make_executor, spin_for, spin_until_over
 from probe import Probe
 import pytest
 from rclpy.clock import Clock, ClockType
