@@ -188,7 +188,10 @@ class GraphMachine:
         return sorted(set(there) - {self.name})
 
     def listen(self, seconds: float) -> Samples:
-        """Watch the measurement for so long [s], and send nothing."""
+        """Watch the measurement for so long [s] from when it is heard, and send nothing."""
+        latest = time.monotonic() + _SEARCH
+        while not self._heard and time.monotonic() < latest:
+            time.sleep(_LOOK)
         begin = time.monotonic()
         self._heard = []
         while time.monotonic() - begin < seconds:
