@@ -275,6 +275,21 @@ def test_p21_who_takes_over_has_the_loop_and_who_loses_the_page_loses_it(live: L
     take_back(live)
 
 
+def test_p21_a_loop_that_runs_by_itself_is_held_from_the_tick_on(live: Live) -> None:
+    page = live.open()
+    page.click('#take')
+    page.wait_for_selector('#take', state='hidden')
+    live.run(page)
+    for tick, said in ((True, 'yes'), (False, 'no: by itself'), (True, 'yes')):
+        page.set_checked('#hold', tick)
+        page.wait_for_selector(f'#lease:has-text("{said}")')
+        live.probe.spin(0.4)  # more than a lease
+        assert live.enabled()
+    page.context.close()
+    live.stopped()
+    take_back(live)
+
+
 def test_a_silent_sensor_breaks_the_line_and_says_why(live: Live) -> None:
     page = live.page
     live.run()

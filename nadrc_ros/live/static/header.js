@@ -69,14 +69,17 @@ export function stop() {
 }
 
 async function run() {
-  if (state?.enabled) return;
   const held = find('#hold').checked;
+  if (state?.enabled && held === holding()) return;
   ran = false;
   if (held) hold();
   const answer = await ask({ do: 'enable', hold: held });
-  if (answer.ok) return;
+  if (answer.ok) {
+    if (!held) release('it runs by itself now');
+    return;
+  }
   release('not enabled');
-  warn(`It was not enabled: ${answer.text}`);
+  warn(`${state?.enabled ? 'It runs, and is not held' : 'It was not enabled'}: ${answer.text}`);
 }
 
 on('hello', (message) => {
@@ -112,6 +115,7 @@ on('open', () => { if (connected()) warn(''); });
 find('#stop').addEventListener('click', stop);
 find('#stop').addEventListener('pointerdown', stop); // at once, not when it is let go
 find('#run').addEventListener('click', run);
+find('#hold').addEventListener('change', () => { if (state?.enabled) run(); }); // of a loop that runs, too
 find('#take').addEventListener('click', async () => {
   const answer = await ask({ do: 'take_over' });
   if (!answer.ok) warn(answer.text, true);
