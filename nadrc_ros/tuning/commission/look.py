@@ -73,8 +73,8 @@ def judge_look(samples: Samples, rate: float) -> Look:
     stamps = samples.stamp[known]
     clock = stamps if np.isfinite(stamps).all() else time
     spans = np.diff(clock)
-    slope, _ = np.polyfit(time - time[0], y, 1)
-    left = y - np.polyval(np.polyfit(time - time[0], y, 1), time - time[0])
+    line = np.polyfit(time - time[0], y, 1)
+    slope, left = float(line[0]), y - np.polyval(line, time - time[0])
     steps = np.abs(np.diff(y))
     moved = steps[steps > 0.0]
     coarse = moved.size > 0 and float(np.mean(steps == 0.0)) > _REPEATS
@@ -90,8 +90,8 @@ def judge_look(samples: Samples, rate: float) -> Look:
         noise=noise,
         grain=grain,
         lost=lost,
-        drift=float(slope),
-        drifts=abs(float(slope)) > _CERTAIN * uncertain and abs(slope) * _SECONDS > 6.0 * noise,
+        drift=slope,
+        drifts=abs(slope) > _CERTAIN * uncertain and abs(slope) * _SECONDS > 6.0 * noise,
         level=float(np.median(y)),
         refusal=refusal,
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from nadrc_ros.tuning.commission.fit import Segment
 from nadrc_ros.tuning.commission.machine import Array, Samples
 import numpy as np
@@ -36,17 +34,7 @@ def segments(
     level: float,
 ) -> list[Segment]:
     """Return those parts for a fit, relative to the output ``level`` at rest."""
-    return list(_each(samples, parts, h, center, noise, level))
-
-
-def _each(
-    samples: Samples,
-    parts: list[tuple[int, int]],
-    h: float,
-    center: float,
-    noise: float,
-    level: float,
-) -> Iterator[Segment]:
+    found = []
     measurement = samples.measurement - level
     commands = np.where(np.isfinite(samples.command), samples.command, center) - center
     for first, end in parts:
@@ -54,7 +42,7 @@ def _each(
             continue
         y, v, still = state_at(measurement, first, h, noise)
         before = np.concatenate((np.zeros(_BEFORE), commands[:first]))[-_BEFORE:]
-        yield Segment(
+        segment = Segment(
             # the row of a tick has what was measured before its command acted
             measurement=measurement[first + 1 : end],
             commands=[*before.tolist(), *commands[first : end - 1].tolist()],
@@ -63,6 +51,8 @@ def _each(
             v=0.0 if still else v,
             resting=still,
         )
+        found.append(segment)
+    return found
 
 
 def state_at(measurement: Array, row: int, h: float, noise: float) -> tuple[float, float, bool]:
