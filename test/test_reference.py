@@ -43,6 +43,40 @@ def test_it_is_followed_as_with_true_derivatives(name: str, n: int) -> None:
     assert alone < 2.0 * true
 
 
+@pytest.mark.parametrize(
+    ('n', 'name', 'starts'),
+    (
+        (2, 'trapezoid, 12 bit', (0.5375, 0.5338, 0.5527, 0.5888)),
+        (3, 'trapezoid at 20 Hz', (0.5292, 0.5312, 0.5336)),
+        (3, 'joystick at 20 Hz', (0.5, 0.5458)),
+    ),
+)
+def test_wherever_the_samples_fall_on_it(n: int, name: str, starts: tuple[float, ...]) -> None:
+    """Starts of which some took up to 3.5 times the error with true derivatives."""
+    signal: Any
+    signal, how = SENDERS[name]
+    for start in starts:
+        moved = attrs.evolve(signal, start_time=start)
+        true, alone = (
+            arm(arm_settings(n, reference_derivatives=source), moved, sender(moved, **how))
+            for source in ('topics', 'auto')
+        )
+        assert alone[0] < 1.97 * true[0]
+        # Rounding is no acceleration: no sample makes the command jump.
+        assert max(map(abs, alone[1])) < 4.0 * max(map(abs, true[1]))
+
+
+def test_motion_out_of_rest_is_seen_at_its_third_change() -> None:
+    """Whenever it began between two samples; constant acceleration takes it there."""
+    design = make_design(ControllerSettings(plant_order=3, controller_bandwidth=5.0))
+    for begins in (0.1, 0.4, 0.7, 0.9):
+        memory = blank_memory()
+        for k in range(24):
+            r = max(k - 20 - begins, 0.0) ** 2
+            follow(design, memory, r, True, 0.05, 0.0)
+        assert estimated(memory, 2) == pytest.approx(2.0 / 0.05**2, rel=0.6)
+
+
 def loop(source: str, send: Sender, n: int, ticks: int) -> tuple[list[float], list[float]]:
     """Return outputs and commands of a chain of integrators."""
     settings = ControllerSettings(

@@ -9,8 +9,9 @@ reference as a parabola. The slowest is followed that the faster ones do not con
 their noise: so a clean reference gets exact derivatives, a quantized one those its grain allows.
 
 *Motion*: what one sample alone says is a step. A sample that goes on in the direction of the last
-one, to where a parabola or the estimate said it would, is evidence of motion: the more, the
-smaller its distance from there is in its change, log(change / distance). What sequences of steps
+one, to where a parabola (out of a rest: one that began in it) or the estimate said it would, is
+evidence of motion: the more, the smaller its distance from there is in its change, log(change /
+distance). What sequences of steps
 show of it by chance is not enough. A sample that is elsewhere takes the evidence away.
 
 *Noise*: the distances from the parabola of a smooth motion keep their sign, those of noise
@@ -43,9 +44,10 @@ _SHORTEST, _LONGEST = 0.02, 1.0
 # In usual spacings of the changes: a sample without a change is late, where the publisher repeats
 # itself and where not; without a sample for so long it rests.
 _STOPPED, _DUE, _CEASED = 1.5, 0.9, 2.5
-# In standard deviations: what is no noise of a sample, what is none of a filter, of all filters,
-# and of r''.
-_JUMP, _CLEAR, _CERTAIN, _VAGUE = 6.0, 2.0, 5.0, 1.5
+# In standard deviations: what is no noise of a sample, what is none of a filter of long memory and
+# how much more it is for a short one, what is none of all filters, and of r''. Rounding moves a
+# second difference by up to two grains, 2.8 deviations: the shortest shall not follow that.
+_JUMP, _CLEAR, _HASTY, _CERTAIN, _VAGUE = 6.0, 1.0, 2.0, 5.0, 1.0
 # A change that grows by less from one sample to the next is one motion; one below this share of
 # what the rate says is a stop; one that is off by less than this times wc h of it goes on.
 _GROWTH, _STANDS, _BENDS = 10.0, 0.1, 2.0
@@ -54,7 +56,7 @@ _GROWTH, _STANDS, _BENDS = 10.0, 0.1, 2.0
 _NEEDED, _MORE, _ELSEWHERE, _GRAINS, _EACH = 2.2, 0.1, 0.6, 3.0, 0.34
 # Of the grain: what is exact, and the deviation of its noise, 1 / sqrt(12); with slow samples
 # (wc h) only as far as they are seen to be off a parabola.
-_EXACT, _DEVIATION, _ALWAYS, _SEEN = 0.25, 0.3, 0.012, 0.1
+_EXACT, _DEVIATION, _ALWAYS, _SEEN = 0.25, 0.3, 0.01, 0.08
 # The noise is the mean over so many samples; to forget it takes more. Of white noise the least of
 # three products in a row is this share of the variance; what is off a parabola counts up to so
 # many deviations.
@@ -196,11 +198,12 @@ def _use(design: Design, memory: Vector, r: float, divides: bool, fresh: bool) -
     memory[_SCALE] = max(change, abs(prior), memory[_SCALE] * (1.0 - 0.25 / _MEAN))
     quiet = max(sqrt(memory[_NOISE]), _FAINT * memory[_SCALE])
     grain, second = _grain(memory), memory[_KNOWN] == 2.0
+    begun = _begun(memory, r, dt)
     off = _learn(memory, r, dt, grain)
     most = _MOST * quiet + sqrt(memory[_JITTER]) * memory[_SCALE]
     quantised = min(_DEVIATION, (_ALWAYS + _SEEN * memory[_ROUGH]) / pace)
     noise = max(quiet, min(sqrt(memory[_SQUARE]), most), grain * quantised)
-    miss = min(abs(excess), off)
+    miss = min(abs(excess), off, begun)
     if memory[_STEP] * excess < 0.0:  # it may be back from there
         miss = min(miss, abs(excess + memory[_STEP]))
     elsewhere = _believe(memory, r - last, prior, miss, noise, pace)
@@ -223,7 +226,7 @@ def _use(design: Design, memory: Vector, r: float, divides: bool, fresh: bool) -
     step = 0.0
     if abs(excess) > allowed:
         step = excess - copysign(allowed, excess)
-    sure = sure and memory[_STEP] == 0.0
+    sure = sure and (memory[_STEP] == 0.0 or miss == begun)
     jumps = second and fresh and not sure and step == 0.0
     shorter = min(dt, memory[_SPAN]) if memory[_SPAN] > 0.0 else dt
     memory[_EXCESS], memory[_SPAN], memory[_STEP] = excess, dt, step
@@ -258,8 +261,9 @@ def _use(design: Design, memory: Vector, r: float, divides: bool, fresh: bool) -
         if agreed:
             chosen = i
             vague = p / (1.0 + z)
-            low = max(low, effect - _CLEAR * spread)
-            high = min(high, effect + _CLEAR * spread)
+            clear = (_CLEAR + _HASTY * p) * spread
+            low = max(low, effect - clear)
+            high = min(high, effect + clear)
     memory[_PLACE] = r
     memory[_RATE] = memory[_ACCELERATION] = 0.0
     if not rests:
@@ -336,12 +340,29 @@ def _divide(memory: Vector, change: float, least: float) -> None:
         memory[_FINE] = memory[_CHANGES] = 0.0
 
 
+def _begun(memory: Vector, r: float, dt: float) -> float:
+    """
+    Return how far the third change after a rest is from a constant acceleration out of it.
+
+    Its square root grows evenly from whenever it began; a later change tells nothing new.
+    """
+    if memory[_KNOWN] != 3.0:
+        return inf
+    rest = memory[_VALUES + 2]
+    first, second = memory[_VALUES + 1] - rest, memory[_VALUES] - rest
+    if first * second <= 0.0 or abs(second) < 4.0 * abs(first):
+        return inf
+    first, root = sqrt(abs(first)), sqrt(abs(second))
+    root += (root - first) * dt / (memory[_AGES + 1] - memory[_AGES])
+    return abs(r - rest - copysign(root * root, second))
+
+
 def _learn(memory: Vector, r: float, dt: float, grain: float) -> float:
     """Return how far ``r`` is from a parabola through the last three, and learn the noise."""
     for i in range(3):
         memory[_AGES + i] += dt
     distance = inf
-    if memory[_KNOWN] == 3.0:
+    if memory[_KNOWN] >= 3.0:
         a, b, c = memory[_AGES], memory[_AGES + 1], memory[_AGES + 2]
         wa = b * c / ((b - a) * (c - a))
         wb = a * c / ((a - b) * (c - b))
@@ -359,8 +380,7 @@ def _learn(memory: Vector, r: float, dt: float, grain: float) -> float:
         memory[_TURNED] = turned
         noise = memory[_NOISE]
         memory[_NOISE] += (square - noise) / (_FORGOTTEN if square < noise else _LEARNT)
-    else:
-        memory[_KNOWN] += 1.0
+    memory[_KNOWN] = min(memory[_KNOWN] + 1.0, 4.0)
     for i in (2, 1):
         memory[_AGES + i] = memory[_AGES + i - 1]
         memory[_VALUES + i] = memory[_VALUES + i - 1]

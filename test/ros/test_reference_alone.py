@@ -12,6 +12,7 @@ import pytest
 SCENARIO = Path(__file__).parents[2] / 'examples' / 'loops' / 'reference.yaml'
 
 
+@pytest.mark.realtime
 def test_on_a_graph_it_is_followed_with_the_derivatives_that_it_shows() -> None:
     scenario = load(SCENARIO).changed(duration=2.5)
     with scenario_loop(scenario, 'auto') as loop:
