@@ -280,7 +280,7 @@ def test_p09_a_duplicate_sample_changes_nothing() -> None:
 def test_a_moving_reference_that_comes_alone_is_followed(
     settings: dict[str, Any], off: tuple[float, float]
 ) -> None:
-    """The figures of the README: a sinusoid of 0.5 Hz is 0.35 off, error-based 0.009, or 0.005."""
+    """The figures of robot.md: a sinusoid of 0.5 Hz is 0.35 off, error-based 0.009, or 0.005."""
     controller = Controller(ControllerSettings(b0=4.0, controller_bandwidth=8.0, **settings))
     y = v = worst = 0.0
     for k in range(2000):

@@ -15,7 +15,7 @@ from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.specialise.evaluator import Evaluator
 from nadrc_ros.adrc.specialise.program import shape_of
 from nadrc_ros.adrc.specialise.python import defined, SCOPE, source_of, text
-from nadrc_ros.adrc.specialise.tidy import tidied
+from nadrc_ros.adrc.specialise.tidy import joined, tidied
 from nadrc_ros.adrc.specialise.values import Code, load, Memory, Refused
 from nadrc_ros.adrc.state import disturbance_estimate
 from nadrc_ros.adrc.tick import tick
@@ -217,10 +217,34 @@ def a_call_for_what_it_writes(v: Vector, x: float) -> float:
     return v[0]
 
 
+def either_of_two_from_before(v: Vector, x: float) -> float:
+    first = v[0] * x
+    second = v[1] - x
+    if x > 0.5:
+        chosen = first
+    else:
+        chosen = second
+    return chosen - x
+
+
+def read_before_it_is_written(v: Vector, x: float) -> float:
+    before = v[0]
+    v[0] = x
+    return before - v[0]
+
+
+def fibonacci(v: Vector, x: float) -> float:
+    one, next_one = v[0], x
+    for _ in range(5):
+        one, next_one = next_one, one + next_one
+    return one - next_one * x
+
+
 @pytest.mark.parametrize('rolled', [False, True])
 @pytest.mark.parametrize(
     'function',
     [
+        *(either_of_two_from_before, read_before_it_is_written, fibonacci),
         *(read_before_a_call, argument_before_a_call, compared_before_a_call, swapped),
         *(power_of_a_negative_number, a_call_for_what_it_writes),
     ],
@@ -231,7 +255,7 @@ def test_what_is_read_is_what_was_there_in_the_order_of_the_source(
     evaluator = Evaluator(['v', 'x'], rolled=rolled)
     place = load('v')
     vector = Memory(place, 2) if rolled else evaluator.row('v', 2, place)
-    body = tidied(evaluator.run(function, [vector, Code(load('x'))]))
+    body = joined(tidied(evaluator.run(function, [vector, Code(load('x'))])))
     source = '\n'.join(['def made(v, x):', *text(body, 1)])
     made = defined('made', source, dict(SCOPE), 'made')
     for x in (2.0, -3.0, NAN if function is not power_of_a_negative_number else 5.0):

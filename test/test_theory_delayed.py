@@ -210,7 +210,9 @@ def test_a_grid_follows_each_turn_of_a_delay_where_the_loop_still_acts() -> None
 
 
 def test_milliseconds_that_were_given_as_seconds_are_refused() -> None:
-    with pytest.raises(Conflict, match=r'delay = 10 s: such a loop bears 0.0\d+ s.*possible: '):
+    with pytest.raises(
+        Conflict, match=r'delay = 10 s: such a loop tolerates 0.0\d+ s.*possible: '
+    ):
         first_design(Requirements(settling_time=0.5, delay=10.0))
 
 

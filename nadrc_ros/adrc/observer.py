@@ -112,16 +112,17 @@ def place(design: Design, dt: float, speed: float, scratch: Matrix) -> None:
     for k in range(design.levels):
         wh = speed * design.bandwidths[k] * dt
         if design.equal_poles:
+            decay = -expm1(-wh)
             power = 1.0
             for q in range(states):
-                power *= -expm1(-wh)
+                power *= decay
                 sigma[q] = power
         else:
             symmetric_polynomials(design.pole_ratios, wh, sigma)
         scale = 1.0
         for i in range(states):
-            gain = 0.0
-            for q in range(states - 1, i - 1, -1):
+            gain = design.gain_matrix[i][states - 1] * sigma[states - 1]
+            for q in range(states - 2, i - 1, -1):
                 gain += design.gain_matrix[i][q] * sigma[q]
             scratch[k][i] = gain * scale
             scale /= dt

@@ -80,6 +80,6 @@ def check_known_rate(
         raise SettingError(
             'plant_poles',
             plant_poles,
-            f'at least {-MOST_DECAY * rate:g} rad/s at {rate:g} Hz: what settles within a period '
-            'is no part of the plant, whose order is then lower',
+            f'at least {-MOST_DECAY * rate:g} rad/s at {rate:g} Hz: leave out a pole that '
+            'settles within a period, and lower the order',
         )

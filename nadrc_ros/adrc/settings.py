@@ -196,7 +196,7 @@ class ControllerSettings:
     )
     error_based: bool = flag(
         False,
-        'observe y - r with reference zero, for references whose derivatives nobody knows',
+        'observe y - r with reference zero, for references with unknown derivatives',
     )
     error_deadband: float = number(
         0.0,
@@ -279,7 +279,7 @@ class ControllerSettings:
     stall_action: str = choice(
         'warn',
         ('warn', 'fault'),
-        'what a stall leads to: a warning, or the fault action until the loop is enabled again',
+        'effect of a stall: a warning, or the fault action until the loop is enabled again',
     )
 
     def __attrs_post_init__(self) -> None:

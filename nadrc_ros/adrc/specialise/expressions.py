@@ -218,6 +218,11 @@ class Expressions(Workspace):
             return _OPERATORS[type(op)](left, right)
         kind = 'float' if isinstance(op, ast.Div) else wider(left, right)
         kind = 'int' if kind == 'bool' else kind
+        # Exact, also for -0.0, inf and nan; with 0.0 nothing is.
+        if right == 1 and kind == kind_of(left) and isinstance(op, (ast.Mult, ast.Div)):
+            return left
+        if left == 1 and kind == kind_of(right) and isinstance(op, ast.Mult):
+            return right
         base = self.expression(left)
         if (
             isinstance(op, ast.Pow) and not isinstance(left, Code) and left < 0

@@ -26,6 +26,7 @@ from nadrc_ros.adrc import (
 from nadrc_ros.adrc.design import Design
 from nadrc_ros.adrc.specialise.expressions import signature
 from nadrc_ros.adrc.specialise.program import Program, shape_of
+from nadrc_ros.adrc.specialise.tidy import joined
 from nadrc_ros.adrc.specialise.values import load, store
 from nadrc_ros.adrc.state import blank_state, State
 
@@ -71,7 +72,7 @@ def source_of(function: Any, design: Design) -> tuple[str, dict[str, Any]]:
         each.name if each.default is each.empty else f'{each.name}={each.default!r}'
         for each in parameters
     )
-    lines = [f'def {made.name}({head}):', *text(_quickened(made.body, design), 1)]
+    lines = [f'def {made.name}({head}):', *text(joined(_quickened(made.body, design)), 1)]
     return '\n'.join(lines), SCOPE | program.called
 
 
