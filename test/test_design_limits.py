@@ -59,7 +59,7 @@ def test_what_a_wrong_b0_does_is_as_the_docs_say() -> None:
     rows = [row(factor) for factor in (0.25, 0.35, 0.5, 1.0, 2.0, 2.8, 4.0)]
     assert '\n'.join(rows) in page, '\n'.join(rows)
     rule = ', '.join(f'{settling_factor(order):.1f}' for order in (1, 2, 3))
-    assert f'{rule} / settling time for order 1, 2, 3' in (TOP / 'README.md').read_text()
+    assert f'{rule} / settling time for order 1, 2, 3' in (TOP / 'docs' / 'robot.md').read_text()
 
 
 def test_only_a_stable_loop_is_robust() -> None:

@@ -67,9 +67,8 @@ def _print(found: 'FirstDesign', expected: 'dict[str, Expected]', details: bool)
     columns = [_column(c, expected[c.name], sine) for c in found.candidates]
     rows = [Row(*about, _texts([column[about] for column in columns])) for about in columns[0]]
     print_columns(found.title, heads, rows if details else rows[:_FIRST_ROWS])
-    if not details:
-        more = f'{len(rows) - _FIRST_ROWS} more rows, and how these were found'
-        print_text(f'(* = chosen; --details shows {more})', 'dim')
+    more = f'; --details shows {len(rows) - _FIRST_ROWS} more rows, and how these were found'
+    print_text(f'(* = chosen{"" if details else more})', 'dim')
     print_text(found.advice, 'bold')
     if details:
         print_text(in_options('\n'.join(found.rules), Requirements))
@@ -110,7 +109,7 @@ def _column(
         ('b / b0', 'gain margins'): f'{margins.gain_low:.2f} ... {margins.gain_high:.3g}',
         (
             'input gain [%]',
-            'error of b0 it bears, even one that varies',
+            'admissible error of b0, even a varying one',
         ): f'{100.0 * of.input_gain_margin:.0f}',
         ('phase [deg]', 'phase margin'): f'{degrees(margins.phase):.0f}',
         ('delay [ms]', 'delay margin'): 1e3 * margins.delay,

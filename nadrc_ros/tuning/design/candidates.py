@@ -10,7 +10,7 @@ from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.structures import STRUCTURES
 from nadrc_ros.theory.system import Array
-from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
+from nadrc_ros.tuning import LARGEST_OVERSHOOT, LARGEST_W_H, LEAST_MODULUS
 from nadrc_ros.tuning.design.bandwidths import readable, settings_of
 from nadrc_ros.tuning.design.limits import (
     check,
@@ -153,6 +153,8 @@ def advised(found: Sequence[Candidate]) -> Candidate:
     for other in _nested(found):
         predicted = other.prediction
         robust = predicted.margins.modulus >= LEAST_MODULUS
+        forgiven = max(LARGEST_OVERSHOOT, best.prediction.pole_overshoot)
+        robust = robust and predicted.pole_overshoot <= forgiven
         if robust and predicted.error < WORTH * best.prediction.error:
             best = other
     return best
@@ -189,6 +191,8 @@ def _why_not(candidate: Candidate) -> str:
     near = candidate.prediction.margins.modulus
     if near < LEAST_MODULUS:
         return f'but come too near to instability (modulus {near:.2f}, wanted {LEAST_MODULUS:g})'
+    if candidate.prediction.pole_overshoot > LARGEST_OVERSHOOT:
+        return 'but bear no poles of the plant that are wrong by two'
     return 'which is too little for the margins lost'
 
 

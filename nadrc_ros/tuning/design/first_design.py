@@ -14,7 +14,7 @@ from nadrc_ros.adrc.settings import SLOWEST_RATE
 from nadrc_ros.scenario import PlantSpec, Scenario, SignalSpec
 from nadrc_ros.simulation.noise import Noise
 from nadrc_ros.theory.pid import equivalent_pid, FilteredPID
-from nadrc_ros.tuning import LARGEST_W_H, LEAST_MODULUS
+from nadrc_ros.tuning import LARGEST_OVERSHOOT, LARGEST_W_H, LEAST_MODULUS, WRONG_POLES
 from nadrc_ros.tuning.design.bandwidths import (
     command_of_step,
     patient,
@@ -22,14 +22,16 @@ from nadrc_ros.tuning.design.bandwidths import (
     settling_factor,
 )
 from nadrc_ros.tuning.design.candidates import advice, advised, asked, Candidate, candidates
-from nadrc_ros.tuning.design.limits import loop_margins
-from nadrc_ros.tuning.design.prediction import bears_wrong_poles
+from nadrc_ros.tuning.design.limits import loop_margins, pole_overshoot
 from nadrc_ros.tuning.design.requirements import LOAD_SHARE, Requirements, STEP_SHARE
 
 # In settling times: the start, which is bumpless and would spoil the step; the step of the
 # reference alone; the disturbance beside it.
 _START, _ALONE, _TOGETHER = 0.2, 2.0, 4.0
 _CYCLES = 3.0
+# Of the controller bandwidth: a pole beyond it is a lag that a loop of one order less bears, if
+# that is of order 1, or of a higher one.
+_FAST_POLE, _FASTER_POLE = 6.0, 10.0
 _MOST_PERIODS = 10_000
 _SEED = 1
 
@@ -85,24 +87,18 @@ class FirstDesign:
         return rules
 
     @cached_property
-    def _borne(self) -> dict[str, tuple[float, float]]:
-        """Return for which controller bandwidths poles that are wrong by two are borne."""
-        factors = {'half as fast': 0.5, 'twice as fast': 2.0}
+    def _with_wrong_poles(self) -> dict[str, float]:
+        """Return by what share a step overshoots if the poles are wrong by two."""
+        named = zip(('half as fast', 'twice as fast'), WRONG_POLES, strict=True)
         settings, wanted = self.chosen.settings, self.wanted
-        return {said: bears_wrong_poles(settings, wanted, v) for said, v in factors.items()}
+        return {said: pole_overshoot(settings, wanted, factor) for said, factor in named}
 
     @property
     def _forgives(self) -> str:
-        """Say where poles may be wrong by a factor of two."""
-        said = [
-            f'{name} as told, for wc from {low:.3g} to {high:.3g} rad/s'
-            if high
-            else f'{name} as told, for no wc'
-            for name, (low, high) in self._borne.items()
-        ]
         return (
-            f'with the observers of {self.chosen.name} the loop is stable should the poles be '
-            f'{"; ".join(said)}'
+            f'{self.chosen.name}, should the poles of the plant be wrong: '
+            f'{_said(self._with_wrong_poles)} (at most {100.0 * LARGEST_OVERSHOOT:g} % is asked '
+            'for)'
         )
 
     @property
@@ -134,14 +130,21 @@ class FirstDesign:
     def _strict(self) -> str:
         if not any(self.wanted.poles):
             return ''
-        wc = self.chosen.settings.controller_bandwidth
-        bad = [name for name, (low, high) in self._borne.items() if not low <= wc <= high]
+        over = self._with_wrong_poles.items()
+        bad = {name: value for name, value in over if value > LARGEST_OVERSHOOT}
         if not bad:
             return ''
-        return (
-            f'should the poles of the plant be {" or ".join(bad)} as told, the loop is unstable: '
-            'identify them, tell the controller of longer lags, or leave the fastest pole out'
-        )
+        limit = _FAST_POLE if self.wanted.order == 2 else _FASTER_POLE
+        wc, fastest = self.chosen.settings.controller_bandwidth, -min(self.wanted.poles)
+        one = self.chosen is self.candidates[0]
+        remedy = f'identify them, or take {"a longer settling time" if one else "one observer"}'
+        lower = self.wanted.order - 1
+        if lower and fastest > limit * wc:
+            remedy = (
+                f'leave the fastest one out, with one observer of order {lower} and '
+                f'b0 = {self.wanted.b0 / fastest:.4g}'
+            )
+        return f'should the poles of the plant be wrong: {_said(bad)}; {remedy}'
 
     @property
     def _saturated(self) -> str:
@@ -239,6 +242,15 @@ def first_design(wanted: Requirements) -> FirstDesign:
         chosen=chosen,
         advice=advice(wanted, found, best),
         scenario=experiment(wanted, sorted(found, key=lambda c: c is not chosen)),
+    )
+
+
+def _said(overshoots: Mapping[str, float]) -> str:
+    return ', '.join(
+        f'{name} as given, the loop is unstable'
+        if value == inf
+        else f'{name} as given, a step overshoots by {100.0 * value:.2g} %'
+        for name, value in overshoots.items()
     )
 
 

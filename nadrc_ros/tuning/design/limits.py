@@ -8,17 +8,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import ceil, floor, log10, pi
+from math import ceil, floor, inf, log10, pi
 from typing import NamedTuple
 
 import attrs
 from nadrc_ros.adrc.design import Design, make_design, polynomial
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
-from nadrc_ros.theory.delayed import command_variance, delayed_loop, is_stable_loop, Loop
+from nadrc_ros.theory.delayed import (
+    command_variance,
+    delayed_loop,
+    is_stable_loop,
+    Loop,
+    REFERENCE,
+    step_responses,
+)
 from nadrc_ros.theory.loop import chain, loop_growth
 from nadrc_ros.theory.margins import Margins, margins
 from nadrc_ros.theory.system import StateSpace
-from nadrc_ros.tuning import LARGEST_W_H, LEAST_DELAY, LEAST_GAIN, LEAST_MODULUS
+from nadrc_ros.tuning import (
+    LARGEST_OVERSHOOT,
+    LARGEST_W_H,
+    LEAST_DELAY,
+    LEAST_GAIN,
+    LEAST_MODULUS,
+    WRONG_POLES,
+)
 from nadrc_ros.tuning.design.bandwidths import (
     command_of_step,
     controller_bandwidth,
@@ -27,7 +41,7 @@ from nadrc_ros.tuning.design.bandwidths import (
     settings_of,
     settling_factor,
 )
-from nadrc_ros.tuning.design.requirements import Conflict, LONGEST_SETTLING, Requirements
+from nadrc_ros.tuning.design.requirements import Conflict, FOLLOWED, LONGEST_SETTLING, Requirements
 import numpy as np
 
 # Observer over controller bandwidth.
@@ -50,6 +64,8 @@ _MUCH_SLOWER, _FINE_BISECTIONS, _COARSE_STEPS, _LAST_BISECTIONS = 1e3, 22, 8, 10
 _PACES, _PACE_BISECTIONS = 1e5, 14
 # Of the settling time that is found: what is nobody's margin, as the plant is not quite that one.
 _SLACK = 1.2
+# The observer that forgives wrong poles is sought in so many steps, and taken by so much faster.
+_OBSERVER_BISECTIONS, _FASTER = 6, 1.012
 
 Test = Callable[[Design, Requirements], bool]
 
@@ -74,6 +90,22 @@ def loop_margins(
 def noise_gain(design: Design, wanted: Requirements) -> float:
     """Return the standard deviation of the command over that of the noise, in closed loop."""
     return float(command_variance(nominal_loop(design, wanted)) ** 0.5)
+
+
+def pole_overshoot(settings: ControllerSettings, wanted: Requirements, factor: float) -> float:
+    """
+    Return the share by which a step overshoots if the plant has poles ``factor`` times as fast.
+
+    It is 0 without known poles, and inf for an unstable loop.
+    """
+    if not any(wanted.poles):
+        return 0.0
+    plant = chain(wanted.order, wanted.b0, polynomial([factor * p for p in wanted.poles]))
+    loop = delayed_loop(make_design(settings), plant, wanted.period, wanted.delay)
+    if not is_stable_loop(loop):
+        return inf
+    (response,), _ = step_responses(loop, [REFERENCE], FOLLOWED * wanted.settling_time)
+    return max(float(response.max()) - 1.0, 0.0)
 
 
 def slow_enough(design: Design, wanted: Requirements) -> bool:
@@ -192,7 +224,7 @@ def conflict(wanted: Requirements) -> Complaint | None:
         return Complaint(
             'the delay',
             lambda: (
-                f'{asked} is too short for delay = {wanted.delay:g} s: such a loop bears '
+                f'{asked} is too short for delay = {wanted.delay:g} s: such a loop tolerates '
                 f'{_longest_delay(design, wanted):.3g} s, even one that knows it'
             ),
         )
@@ -280,7 +312,8 @@ def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
     """
     Return one observer, and what decided: 5 wc, or with a noise budget the fastest up to 10 wc.
 
-    Slower, down to 3 wc, where sampling, delay or noise demand it.
+    Up to there it is faster where that makes a step forgive known poles that are wrong by a factor
+    of two; slower, down to 3 wc, where sampling, delay or noise demand it.
     """
     wc = float(f'{controller_bandwidth(wanted):.4g}')
     ratio = _FASTEST_RATIO if wanted.command_noise > 0.0 else _USUAL_RATIO
@@ -292,7 +325,14 @@ def single_settings(wanted: Requirements) -> tuple[ControllerSettings, str]:
     def holding(test: Test) -> Callable[[float], bool]:
         return lambda v: test(design(v), wanted)
 
-    slowest = _SLOWEST_RATIO * wc
+    def forgives(v: float) -> bool:
+        settings = settings_of(wanted, 'conventional', 1, wc, v)
+        return all(pole_overshoot(settings, wanted, f) <= LARGEST_OVERSHOOT for f in WRONG_POLES)
+
+    slowest, top = _SLOWEST_RATIO * wc, _FASTEST_RATIO * wc
+    if not forgives(w) and forgives(top):
+        strict = largest(lambda v: not forgives(v), w, top, _OBSERVER_BISECTIONS)
+        w, decided_by = min(_FASTER * strict, top), 'known poles that may be wrong by two'
     for name, test in LIMITS.items():
         holds = holding(test)
         if holds(w):

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
-import attrs
-from nadrc_ros.adrc.design import make_design, polynomial
+from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.theory.delayed import (
     closed_response,
     COMMAND,
-    delayed_loop,
-    is_stable_loop,
     LOAD,
     Loop,
     loop_grid,
@@ -23,22 +19,22 @@ from nadrc_ros.theory.delayed import (
     REFERENCE,
     step_responses,
 )
-from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import Margins
 from nadrc_ros.theory.norms import peak
 from nadrc_ros.theory.system import Array, Complex
+from nadrc_ros.tuning import WRONG_POLES
 from nadrc_ros.tuning.design.bandwidths import BAND
-from nadrc_ros.tuning.design.limits import loop_margins, noise_gain, nominal_loop
-from nadrc_ros.tuning.design.requirements import Requirements
+from nadrc_ros.tuning.design.limits import (
+    loop_margins,
+    noise_gain,
+    nominal_loop,
+    pole_overshoot,
+)
+from nadrc_ros.tuning.design.requirements import FOLLOWED, Requirements
 import numpy as np
 from numpy.typing import ArrayLike
 
 _BAND_POINTS = 100
-# In settling times: how long a response is followed at first.
-_FOLLOWED = 3.0
-# Where a loop bears wrong poles is sought from this share of its controller bandwidth on, in so
-# many steps to that and from there to the bandwidth of the observer.
-_LEAST_SHARE, _SHARES, _BISECTIONS = 0.05, 10, 8
 
 
 class Prediction(NamedTuple):
@@ -51,6 +47,8 @@ class Prediction(NamedTuple):
     loop opened at the plant, whose gains are the admissible b / b0. ``input_gain_margin``: share
     of b0 by which the input gain may be wrong in any way over time, 1 / ||T||inf of the loop from
     load to command (small-gain theorem: H. Khalil, Nonlinear Systems, 3rd ed., 5.4).
+    ``pole_overshoot``: share by which a step overshoots if known poles are wrong by a factor of
+    two, the worse way; inf for an unstable loop.
     """
 
     command_noise: float
@@ -58,6 +56,7 @@ class Prediction(NamedTuple):
     settling_time: float
     margins: Margins
     input_gain_margin: float
+    pole_overshoot: float
 
 
 class Curves(NamedTuple):
@@ -74,7 +73,7 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
     design = make_design(settings)
     loop = nominal_loop(design, wanted)
     at = closed_response(loop)
-    lasting = _FOLLOWED * wanted.settling_time
+    lasting = FOLLOWED * wanted.settling_time
     (load, reference), step = step_responses(loop, [LOAD, REFERENCE], lasting)
     if wanted.disturbance_frequency > 0.0:
         band = wanted.disturbance_frequency * np.geomspace(0.01, 1.0, _BAND_POINTS)
@@ -91,6 +90,7 @@ def predict(settings: ControllerSettings, wanted: Requirements) -> Prediction:
             lambda omega: at(omega)[..., [COMMAND], :][..., [LOAD]],
             loop_grid(loop),
         ),
+        pole_overshoot=max(pole_overshoot(settings, wanted, v) for v in WRONG_POLES),
     )
 
 
@@ -125,42 +125,3 @@ def curves(settings: ControllerSettings, wanted: Requirements, omega: Array) -> 
         noise_to_command=np.abs(closed_response(loop)(omega)[:, COMMAND, NOISE]),
         loop=open_response(loop)(omega),
     )
-
-
-def bears_wrong_poles(
-    settings: ControllerSettings, wanted: Requirements, factor: float
-) -> tuple[float, float]:
-    """
-    Return from and up to which controller bandwidth [rad/s] the loop is stable with wrong poles.
-
-    Those of the plant are ``factor`` times as fast as known. It is the range that holds the
-    bandwidth of ``settings``, else the widest one below that of the observer; (0, 0) for none.
-    """
-    plant = chain(wanted.order, wanted.b0, polynomial([factor * p for p in wanted.poles]))
-
-    def stable(wc: float) -> bool:
-        design = make_design(attrs.evolve(settings, controller_bandwidth=wc))
-        return is_stable_loop(delayed_loop(design, plant, wanted.period, wanted.delay))
-
-    own = settings.controller_bandwidth
-    top = max(own, settings.inner_bandwidth)
-    shares = np.geomspace(_LEAST_SHARE, 1.0, _SHARES), np.geomspace(1.0, top / own, _SHARES)
-    tried = sorted({own * float(share) for part in shares for share in part})
-    borne = [stable(wc) for wc in tried]
-    ranges: list[tuple[float, float]] = []
-    for i in range(len(tried)):
-        if borne[i] and (i == 0 or not borne[i - 1]):
-            last = next((j for j in range(i, len(tried)) if not borne[j]), len(tried)) - 1
-            ranges.append((_edge(stable, tried[: i + 1][::-1]), _edge(stable, tried[last:])))
-    holding = [each for each in ranges if each[0] <= own <= each[1]]
-    return (holding or sorted(ranges, key=lambda each: each[1] / each[0]) or [(0.0, 0.0)])[-1]
-
-
-def _edge(stable: Callable[[float], bool], beyond: list[float]) -> float:
-    """Return up to where it is stable, from the first of some numbers towards the second."""
-    good = beyond[0]
-    for bad in beyond[1:2]:
-        for _ in range(_BISECTIONS):
-            middle = (good * bad) ** 0.5
-            good, bad = (middle, bad) if stable(middle) else (good, middle)
-    return good

@@ -24,6 +24,8 @@ LINEAR = tuple(name for name, structure in STRUCTURES.items() if not structure.n
 # Of the range of the command: what cancels a disturbance of which nothing is said, and what a step
 # of the reference asks for at first.
 LOAD_SHARE, STEP_SHARE = 0.1, 0.5
+# In settling times: how long a response is followed at first.
+FOLLOWED = 3.0
 # The experiment that compares designs takes several times as long.
 LONGEST_SETTLING = 0.1 * LONGEST
 
