@@ -98,6 +98,11 @@ def commission(case: Case) -> Result:
     if seen.refusal:
         return ended('look', seen.refusal)
     nudged = steps.nudge(machine, base, seen)
+    for _ in range(_PATIENCE):
+        if not nudged.refusal.startswith(steps.BRING_IT_BACK):
+            break
+        back += rest(plant)
+        nudged = steps.nudge(machine, base, seen)
     right = case.b0 * nudged.sign > 0.0
     result = attrs.evolve(result, sign=0 if not nudged.sign else 1 if right else -1)
     if nudged.refusal:

@@ -9,13 +9,14 @@ import attrs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nadrc_ros.adrc.commission.experiment import Experiment, Outcome
+from nadrc_ros.adrc.commission.guard import Guard
 from nadrc_ros.adrc.commission.settings import ExperimentSettings, KINDS, WITH_CONTROLLER
 from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.settings import ControllerSettings
 import pytest
 
 BOUNDS: dict[str, Any] = {'max_command': 2.0, 'travel': 1.0, 'speed': 3.0, 'amplitude': 0.5}
-LONG: dict[str, Any] = {'predicted': (0.0,) * 100, 'band': (0.1,) * 100}
+LONG: dict[str, Any] = {'silence': 1.0, 'predicted': (0.0,) * 100, 'band': (0.1,) * 100}
 BASE = ExperimentSettings(command_min=-10.0, command_max=10.0, noise=1e-3, **LONG, **BOUNDS)
 CONTROLLER = ControllerSettings(plant_order=2, b0=1.0)
 H = BASE.period
@@ -98,6 +99,26 @@ def test_one_odd_sample_is_passed_over_and_two_are_not() -> None:
     for _ in range(2):
         made.tick(1e6, H, H)
     assert made.outcome is Outcome.BOUND
+
+
+def test_p23_what_runs_through_its_travel_in_some_pulses_is_no_rest() -> None:
+    """However fast it may be: the noise of the slope is small against the travel, too."""
+    wide = attrs.evolve(BASE, speed=10.0)
+    narrow = attrs.evolve(wide, travel=0.05)
+    for bounds in (wide, narrow):
+        assert Guard(bounds).still * bounds.segment < 0.1 * bounds.travel
+    assert Guard(narrow).window > Guard(wide).window
+
+
+def test_p23_a_brake_of_unknown_sign_ends_when_the_motion_grows() -> None:
+    made = make('staircase', noise=1e-5)
+    y = v = at = 0.0
+    while made.over is None:
+        made.tick(y, H, H)
+        v += H * (3.0 * v + 0.01)  # by itself, whatever is sent
+        y += H * v
+        at = y if made.outcome is None else at  # where the brake begins
+    assert made.outcome is Outcome.BOUND and at < y < 0.5 * BOUNDS['travel']
 
 
 def test_from_outside_it_ends_at_once() -> None:

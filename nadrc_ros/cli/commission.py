@@ -3,14 +3,17 @@
 # ruff: noqa: UP045
 from contextlib import ExitStack
 from pathlib import Path
+from signal import default_int_handler, SIG_IGN
 from typing import Annotated, Optional, TYPE_CHECKING
 
 from nadrc_ros.cli import options
 from nadrc_ros.cli.failure import reporting, USER_ERROR
+from nadrc_ros.cli.live import pages_of, wait_for_ctrl_c
 from nadrc_ros.cli.messages import note
 import typer
 
 if TYPE_CHECKING:
+    from nadrc_ros.cli.commission_session import Session
     from nadrc_ros.commission.rehearsal import Rehearsal
 
 _FILE = 'commissioned.yaml'
@@ -39,15 +42,18 @@ def commission(
         Optional[float], typer.Option(help='Largest rate of change of the output, per second.')
     ] = None,
     longest: Annotated[
-        float, typer.Option(min=1.0, help='Longest time of each experiment in seconds.')
-    ] = 20.0,
+        Optional[float],
+        typer.Option(min=1.0, help='Longest time of each experiment in seconds; usually 20.'),
+    ] = None,
     center: Annotated[
         Optional[float],
         typer.Option(help='Command with which the machine rests; by default safe_command.'),
     ] = None,
     actuator_timeout: Annotated[
         Optional[float],
-        typer.Option(min=0.0, help='Time after which the actuator stops without commands [s].'),
+        typer.Option(
+            min=0.0, help='Test whether the actuator stops without commands within this time [s].'
+        ),
     ] = None,
     write: Annotated[
         Optional[Path], typer.Option(help='Parameter file for what you accept.')
@@ -55,6 +61,12 @@ def commission(
     out: Annotated[Path, typer.Option(help='Folder for the report and the parameter file.')] = (
         Path('out/commission')
     ),
+    live: Annotated[
+        bool,
+        typer.Option(
+            '--live', help='Serve a page to watch and stop it, see `nadrc live`; until Ctrl-C.'
+        ),
+    ] = False,
     yes: Annotated[bool, typer.Option('--yes', help='Answer every question with yes.')] = False,
 ) -> None:
     """
@@ -67,7 +79,20 @@ def commission(
     nadrc commission --controller /arm/controller --max-command 2 --travel 0.3 --speed 2
     """
     options.check_outputs(out=out)
-    with reporting(after_interrupt=lambda: 'the machine is at its safe command'), ExitStack() as s:
+    session: Optional[Session] = None
+
+    def unchanged(text: str) -> str:
+        return text if session is not None and not session.changed else ''
+
+    def interrupted() -> str:
+        return f'the machine is at its safe command{unchanged(", and nothing was changed")}'
+
+    with (
+        reporting(
+            after_interrupt=interrupted, after_error=lambda: unchanged('Nothing was changed.')
+        ),
+        ExitStack() as s,
+    ):
         try:
             from nadrc_ros.commission.graph_machine import reached
         except ImportError as missing:
@@ -76,18 +101,22 @@ def commission(
             raise UserError(
                 f'ROS 2 is not here ({missing}): source it, or use `make demo`'
             ) from None
-        from nadrc_ros.cli.commission_session import Session
+        from nadrc_ros.cli import commission_session
         from nadrc_ros.commission.rehearsal import controller_of, NAMESPACE
+        from nadrc_ros.parameter_file import parameters_in
+        from nadrc_ros.ros.runtime import stop_signals_go_to
 
         out.mkdir(parents=True, exist_ok=True)
+        s.enter_context(stop_signals_go_to(default_int_handler))
+        ending = s.enter_context(ExitStack())  # a second Ctrl-C must not leave nodes behind
         rehearsal = _rehearsal(plant, out) if plant else None
         if rehearsal is not None:
             controller = f'{NAMESPACE}/controller'
             s.callback(rehearsal.nodes.stop)
             rehearsal.start()
         elif params is not None:
+            parameters_in(str(params))  # a mistake in it is told here, not by a node that ends
             s.enter_context(controller_of(params, out))
-        machine = s.enter_context(reached(controller))
         asked = {
             'max_command': max_command,
             'travel': travel,
@@ -95,12 +124,28 @@ def commission(
             'longest': longest,
             'center': center,
         }
-        session = Session(machine, out, write or out / _FILE, yes, rehearsal)
-        session.actuator_timeout = actuator_timeout
-        try:
-            session.go(asked)
-        finally:
-            session.report()
+        if rehearsal is not None:
+            asked |= {name: x for name, x in rehearsal.bounds.items() if asked[name] is None}
+            if actuator_timeout is None:
+                actuator_timeout = rehearsal.actuator_timeout
+            owner = [f'--{k.replace("_", "-")} {asked[k]:.3g}' for k in rehearsal.bounds]
+            owner.append(f'--actuator-timeout {actuator_timeout:.3g}')
+            note(f'its owner says: {" ".join(owner)}')
+        s.callback(ending.enter_context, stop_signals_go_to(SIG_IGN))
+        started = rehearsal is not None or params is not None
+        with reached(controller, note, started) as machine:
+            s.enter_context(pages_of([machine.name] if live else []))
+            session = commission_session.Session(
+                machine, out, write or out / _FILE, yes, rehearsal
+            )
+            session.actuator_timeout = actuator_timeout
+            session.started = params is not None and rehearsal is None
+            try:
+                session.go(asked)
+            finally:
+                session.report(machine.name)
+        if live:
+            wait_for_ctrl_c('the page goes on, and can have control now,')
         if session.refused:
             raise typer.Exit(USER_ERROR)
 
@@ -110,6 +155,8 @@ def _rehearsal(plant: str, out: Path) -> 'Rehearsal':
     from nadrc_ros.ros.runtime import private_domain
     from nadrc_ros.scenario import find_scenario, load
 
+    with reporting(f'--plant {plant}'):
+        scenario = load(find_scenario(plant))
     private_domain(keep=True)
     note(f'rehearsal: {plant} behind a controller that knows only its limits; nothing is real')
-    return Rehearsal(load(find_scenario(plant)), out / 'nodes')
+    return Rehearsal(scenario, out / 'nodes')

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-import sys
 from typing import Any, TYPE_CHECKING
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.atomic import write_whole
-from nadrc_ros.cli.messages import error, note, say, warning
+from nadrc_ros.cli.commission_dialog import Dialog
+from nadrc_ros.cli.messages import say, warning
 from nadrc_ros.cli.progress import progress
-from nadrc_ros.commission.page import page, Step
 from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER, parameter_text
 from nadrc_ros.tuning.commission import steps
+from nadrc_ros.tuning.commission.silence import judge_silence, planned
 import numpy as np
 import typer
 
@@ -28,16 +28,19 @@ if TYPE_CHECKING:
 
 # The proposed largest command, as a share of its range.
 _SHARE = 0.05
-_PAGE = 'commission.html'
 # What a parameter file of a node need not say.
 _NOT_OURS = ('qos_overrides.', 'use_sim_time', 'start_type_description_service')
 # A step up in speed, in times of the fastest settling time that is sound.
 _FASTER = 1.4
+_NO_TIMEOUT = (
+    'If the controller dies, the last command stays: give the actuator a timeout of its own '
+    'before it runs without you beside it.'
+)
 # A closed loop is watched for so long [s].
 _HELD = 3.0
 
 
-class Session:
+class Session(Dialog):
     """The five steps with somebody who answers, and what the report has of them."""
 
     def __init__(
@@ -48,12 +51,12 @@ class Session:
         yes: bool,
         rehearsal: Rehearsal | None,
     ) -> None:
+        super().__init__(out, yes)
         self.machine = machine
         self.actuator_timeout: float | None = None
-        self.refused = False
-        self._out, self._file, self._yes = out, file, yes
+        self.started = False  # the controller, by this program: it ends with it
+        self._file = file
         self._rehearsal = rehearsal
-        self._steps: list[Step] = []
 
     def go(self, asked: dict[str, float | None]) -> None:
         """Do the steps, as far as they go."""
@@ -71,9 +74,10 @@ class Session:
         )
         if not self._ask('2 of 5: nudge', nudging, 'Send these pulses?'):
             return
-        with self._shown('nudging', base.longest):
-            nudged = steps.nudge(machine, base, seen)
-        if not self._note('Nudge', nudged, (nudged.samples,)):
+        nudged = self._until_back(
+            self._shown('nudging', base.longest)(lambda: steps.nudge(machine, base, seen))
+        )
+        if not self._note('Nudge', nudged, nudged.samples):
             return
         exciting = (
             'Pulses to and fro, sized so that the output stays inside its bounds, until b0 is '
@@ -81,10 +85,14 @@ class Session:
         )
         if not self._ask('3 of 5: excite', exciting, 'Send them?'):
             return
-        with self._shown('exciting', base.longest):
-            excited = steps.excite(machine, base, seen, nudged)
+        excited = self._until_back(
+            self._shown('exciting', base.longest)(
+                lambda: steps.excite(machine, base, seen, nudged)
+            )
+        )
         if not self._note('Excite', excited, excited.samples):
             return
+        self._fall_silent(base, seen, excited.fitted.model)
         self._say('4 of 5: say', 'What this machine is, and what a controller of it would be.')
         finding = steps.say(machine, base, seen, excited)
         if not self._note('Say', finding, ()):
@@ -102,8 +110,11 @@ class Session:
         )
         if not self._ask('5 of 5: try', trying, 'Try them?'):
             return False
-        with self._shown('trying', base.longest):
-            trial = steps.attempt(self.machine, base, seen, finding)
+        trial = self._until_back(
+            self._shown('trying', base.longest)(
+                lambda: steps.attempt(self.machine, base, seen, finding)
+            )
+        )
         if not self._note('Try', trial, (trial.samples,)):
             return False
         faster = steps.say(self.machine, base, seen, excited, slower=_FASTER)
@@ -113,7 +124,8 @@ class Session:
                 f'of {finding.settling_time:.3g} s.'
             )
             if self._ask('5 of 5: try, faster', text, 'Try that as well?'):
-                quick = steps.attempt(self.machine, base, seen, faster)
+                with self._shown('trying', base.longest):
+                    quick = steps.attempt(self.machine, base, seen, faster)
                 if self._note('Try, faster', quick, (quick.samples,), refuse=False):
                     finding = faster
                     self._show(finding)
@@ -126,8 +138,6 @@ class Session:
             self.machine.progress = lambda seconds: tell(seconds, '')
             yield
             self.machine.progress = lambda seconds: None
-
-    # ---- what is asked, and said ----
 
     def _begin(self) -> None:
 
@@ -144,6 +154,12 @@ class Session:
         )
         if machine.enabled:
             raise UserError(f'{machine.name} is enabled: call {machine.name}/enable with false')
+        sensors = machine.sensors
+        if len(sensors) > 1:  # two machines in one record, which is that of none
+            raise UserError(
+                f'{topics["measurement"]} has {len(sensors)} publishers, {", ".join(sensors)}: '
+                'stop all but one'
+            )
         for writer in machine.writers:
             warning(f'{writer} can command too: experiments end as soon as it does')
 
@@ -151,83 +167,61 @@ class Session:
 
         present = self.machine.present
         usual = _SHARE * (present.command_max - present.command_min)
-        center = present.safe_command if asked['center'] is None else asked['center']
+        center = asked.get('center')
+        center = present.safe_command if center is None else center
         questions = {
             'max_command': f'How far may the command go from {center:g}? (command unit)',
             'travel': 'How far may the output go from where it is now? (output unit)',
             'speed': 'How fast may it move? (output unit per second)',
         }
-        given: dict[str, Any] = dict(asked)
+        given: dict[str, Any] = {name: x for name, x in asked.items() if x is not None}
         for name, question in questions.items():
-            if given[name] is None:
+            if name not in given:
                 given[name] = self._number(
                     name, question, usual if name == 'max_command' else None
                 )
         return steps.bounds(self.machine, **given)
 
-    def _number(self, name: str, question: str, usual: float | None) -> float:
-
-        option = '--' + name.replace('_', '-')
-        if self._yes or not sys.stdin.isatty():
-            if usual is None:
-                raise UserError(f'{option} is needed: only who owns the machine knows it')
-            note(f'{option} {usual:g}: 5 % of the range of the command')
-            return usual
-        answer: float = typer.prompt(question, default=usual, type=float)
-        return answer
-
     def _actuator(self) -> None:
         """Ask what the actuator does when nobody commands."""
-        if self.actuator_timeout is not None:
-            text = f'The actuator stops {self.actuator_timeout:g} s after the last command.'
-        elif self._yes or not sys.stdin.isatty():
+        if self.actuator_timeout:
+            text = (
+                f'The actuator is said to stop {self.actuator_timeout:g} s after the last '
+                'command: that is tested after step 3.'
+            )
+        elif not self._somebody:
             text = 'Nobody said whether the actuator has a timeout of its own.'
         elif typer.confirm('Does the actuator stop by itself without commands?', default=False):
-            text = 'The actuator has a timeout of its own.'
+            text = 'The actuator is said to have a timeout of its own.'
+            asked = 'Within how many seconds? That is tested after step 3, if it is not 0'
+            self.actuator_timeout = typer.prompt(asked, default=0.0, type=float)
         else:
-            text = (
-                'The actuator has no timeout of its own: if the controller dies, its last command '
-                'stays. Give it one before it runs without you beside it.'
-            )
+            text = _NO_TIMEOUT
             warning(text)
         self._record('Actuator', [text])
 
-    def _say(self, title: str, text: str) -> None:
-        typer.echo('')
-        say(f'Step {title}')
-        say(text)
-
-    def _ask(self, title: str, text: str, question: str) -> bool:
-        """Explain a step and ask for it; no is the answer of who says nothing."""
-        self._say(title, text)
-        if self._yes:
-            return True
-        if not sys.stdin.isatty():
-            raise UserError(f'{question} Nobody is here to answer: --yes answers every question')
-        if typer.confirm(question, default=False):
-            return True
-        say('Nothing more is sent, and nothing was changed.')
-        return False
-
-    def _note(
-        self, title: str, result: Any, samples: tuple[Any, ...], refuse: bool = True
-    ) -> bool:
-        """Tell the result of a step, and whether it may go on."""
-        lines = list(result.lines)
-        for line in lines:
-            if line != result.refusal:
-                say(line)
-        self._record(title, lines, samples)
-        if result.refusal:
-            (error if refuse else warning)(result.refusal)
-            self.refused = self.refused or refuse
-            if refuse:
-                say('Nothing was changed.')
-        return not result.refusal
-
-    def _record(self, title: str, lines: list[str], samples: tuple[Any, ...] = ()) -> None:
-
-        self._steps.append(Step(title=title, lines=lines, samples=samples))
+    def _fall_silent(self, base: ExperimentSettings, seen: Any, model: Any) -> None:
+        """Test whether the actuator stops by itself, if its owner said after which time."""
+        if not (timeout := self.actuator_timeout):
+            return
+        settings = planned(base, seen, model, timeout)
+        if settings is None:
+            text = 'Inside these bounds nobody could see whether the actuator stops by itself.'
+            warning(text)
+            self._record('Actuator', [text])
+            return
+        text = (
+            f'A pulse of {settings.amplitude:.3g} for {settings.segment:.2g} s, after which '
+            f'nothing is sent for {settings.silence:.2g} s, as if the controller had died: does '
+            'the actuator stop? The bounds hold: at one of them commands come again.'
+        )
+        if not self._ask('3 of 5: fall silent', text, 'Fall silent?', needed=False):
+            return
+        with self._shown('silent', settings.longest):
+            silence = judge_silence(self.machine.run(settings), settings, model, timeout)
+        self._note('Fall silent', silence, silence.samples)
+        if not silence.stops:
+            warning(_NO_TIMEOUT)
 
     def _show(self, finding: Finding) -> None:
         """Show what would change."""
@@ -254,20 +248,26 @@ class Session:
         self._file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(self._file, parameter_text({ANY_CONTROLLER: _typed(whole)}).encode())
         say(f'Written: {self._file}')
+        self.changed = True
         known = declared(ControllerSettings)
         fixed = [name for name in new if not known[name].live]
         if fixed and self._rehearsal is not None:
             self._rehearsal.restart(_typed(whole))
             say(f'The controller was started with that file, as {fixed[0]} is fixed at start.')
         elif fixed:
-            say(
-                f'{" and ".join(fixed)} cannot change while the node runs: start it with '
-                f'--ros-args --params-file {self._file}'
-            )
+            if not self.started:
+                say(
+                    f'{" and ".join(fixed)} cannot change while the node runs: start it with '
+                    f'--ros-args --params-file {self._file}'
+                )
         elif refusal := self.machine.set_all(new):
             raise _refused(refusal)
         self._record('Accepted', [f'Written to {self._file.name}.'])
-        if not fixed or self._rehearsal is not None:
+        if self.started:
+            say('The controller that this program started ends with it. Start one with the file:')
+            typer.echo('  python -m nadrc_ros.nodes.controller --ros-args \\')
+            typer.echo(f'    --params-file {self._file}')
+        elif not fixed or self._rehearsal is not None:
             self._close()
         return True
 
@@ -297,11 +297,15 @@ class Session:
         """Show in a rehearsal what the plant is."""
         if self._rehearsal is None:
             return
-        truth = self._rehearsal.truth
+        truth, order = self._rehearsal.truth, finding.model.order
+        slow = sorted(1.0 / abs(pole) for pole in truth.poles if pole != 0.0)
+        as_found = truth.b0_of(order)
+        held = 'inside' if finding.b0.low <= as_found <= finding.b0.high else 'outside'
         lines = [
-            f'order {truth.order}, found {finding.model.order}',
-            f'b0 {truth.b0:.4g}, found {finding.b0.value:.4g} '
-            f'({finding.b0.low:.4g} to {finding.b0.high:.4g})',
+            f'b0 {as_found:.4g} as a machine of order {order}: {held} {finding.b0.low:.4g} to '
+            f'{finding.b0.high:.4g}',
+            f'by its name order {truth.order}, b0 {truth.b0:.4g}; time constants '
+            f'{", ".join(f"{each:.3g} s" for each in slow) or "none"}',
             f'dead time {1e3 * truth.delay:.3g} ms beside that of the nodes, found '
             f'{1e3 * finding.model.delay:.3g} ms',
             f'noise {truth.noise:.3g}, found {finding.noise:.3g}',
@@ -312,18 +316,10 @@ class Session:
             typer.echo(f'  {line}')
         self._record('Truth', lines)
 
-    def report(self) -> None:
-        """Write the page of what was done so far."""
-        if not self._steps:
-            return
-        path = self._out / _PAGE
-        write_whole(path, page(f'Commissioning of {self.machine.name}', self._steps).encode())
-        say(f'Report: {path}')
-
 
 def _refused(reason: str) -> Exception:
 
-    return UserError(f'the node refuses them: {reason}')
+    return UserError(f'the node refuses them, and keeps what it has: {reason}')
 
 
 def _text(value: Any) -> str:

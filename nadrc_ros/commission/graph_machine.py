@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import nan
@@ -13,10 +14,13 @@ import attrs
 from diagnostic_msgs.msg import DiagnosticArray
 from nadrc_ros.adrc.commission.experiment import Outcome
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
-from nadrc_ros.adrc.errors import did_you_mean, UserError
+from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
+from nadrc_ros.commission.search import find_controller
 from nadrc_ros.live.peer import ask
+from nadrc_ros.nodes.commission import LATER, START, STOP
+from nadrc_ros.nodes.lease import STOPPED
 from nadrc_ros.ros.arguments import overrides
 from nadrc_ros.ros.experiment_rows import COLUMNS, RowsReader, STAGES
 from nadrc_ros.ros.graph import publishers
@@ -34,24 +38,30 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
-_START, _STOP = 'commission/start', 'commission/stop'
 # A lease of so long [s] is renewed so often, while the program goes on within so long.
 LEASE, _BEAT, _HEALTHY = 0.2, 0.05, 0.2
-# Nodes and services are looked for so long, an answer may take so long before it is asked again,
+# Samples and services are looked for so long, an answer may take so long before it is asked again,
 # and in all; a controller that is to be asked again may say so for so long [s].
 _SEARCH, _AGAIN, _ANSWER, _BUSY = 4.0, 1.0, 10.0, 4.0
 # No rows for so long are the end of the node, or of the network [s].
 _SILENT = 3.0
 _LOOK = 0.01
-# No measurement that is listened to is missed.
-_HEAR = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
-_LATER = ('ask again', 'nobody holds it', 'no valid measurement')
+# No measurement that is listened to is missed; while nobody listens only the last ones are kept.
+_KEPT = 2000
+_HEAR = QoSProfile(depth=_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT)
+_BUSY_HERE = ', which this program keeps up: this computer was too busy. Begin again'
 
 
 @contextmanager
-def reached(controller: str = '') -> Iterator[GraphMachine]:
+def reached(
+    controller: str = '',
+    remark: Callable[[str], object] = lambda text: None,
+    started: bool = False,
+) -> Iterator[GraphMachine]:
     """
     Give the machine behind a controller node, by default the only one there is.
+
+    ``remark`` is called with whom this waits for, later where it was ``started`` just now.
 
     Raises
     ------
@@ -68,7 +78,7 @@ def reached(controller: str = '') -> Iterator[GraphMachine]:
     thread.start()
     machine: GraphMachine | None = None
     try:
-        machine = GraphMachine(node, _found(node, controller))
+        machine = GraphMachine(node, find_controller(node, controller, remark, started))
         yield machine
     finally:
         if machine is not None:
@@ -78,30 +88,6 @@ def reached(controller: str = '') -> Iterator[GraphMachine]:
         executor.shutdown(timeout_sec=0.0)
         node.destroy_node()
         rclpy.try_shutdown()
-
-
-def _found(node: Node, wanted: str) -> str:
-    """Return the full name of the controller that is meant."""
-    end = time.monotonic() + (_ANSWER if wanted else _SEARCH)
-    wanted = wanted and node.resolve_topic_name(wanted)
-    there: list[str] = []
-    while time.monotonic() < end:
-        services = [name for name, _ in node.get_service_names_and_types()]
-        there = sorted(s.removesuffix(f'/{_START}') for s in services if s.endswith(f'/{_START}'))
-        if wanted in there or (there and not wanted and time.monotonic() > end - 0.5 * _SEARCH):
-            break
-        time.sleep(0.05)
-    if wanted and wanted not in there:
-        known = f': {did_you_mean(wanted, there)}' if there else ''
-        raise UserError(f'{wanted} is no running controller of this package{known}')
-    if not there:
-        raise UserError(
-            'no controller runs that could be commissioned: start one with -p '
-            'enabled_at_start:=false, in this ROS_DOMAIN_ID, or give its --params file'
-        )
-    if not wanted and len(there) > 1:
-        raise UserError(f'several controllers run: --controller {" or ".join(there)}')
-    return wanted or there[0]
 
 
 class GraphMachine:
@@ -129,8 +115,8 @@ class GraphMachine:
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
         self._node = node
-        self._start = node.create_client(SetParametersAtomically, f'{name}/{_START}')
-        self._stop = node.create_client(Trigger, f'{name}/{_STOP}')
+        self._start = node.create_client(SetParametersAtomically, START.replace('~', name))
+        self._stop = node.create_client(Trigger, STOP.replace('~', name))
         self._enable = node.create_client(SetBool, f'{name}/enable')
         self._set = node.create_client(
             SetParametersAtomically, f'{name}/set_parameters_atomically'
@@ -148,7 +134,8 @@ class GraphMachine:
         self.topics = {
             signal: self._told[f'{signal}_topic'] for signal in ('measurement', 'command')
         }
-        self._heard: list[tuple[float, float, float]] = []
+        self._stops = self._stops_asked()
+        self._heard: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
         receive(node, self.topics['measurement'], self._hear, _HEAR, wire=self._wire())
         self._heart = Thread(target=self._beat, daemon=True)
         self._heart.start()
@@ -187,16 +174,22 @@ class GraphMachine:
         there = publishers(self._node, self.topics['command'])
         return sorted(set(there) - {self.name})
 
+    @property
+    def sensors(self) -> list[str]:
+        """Return who publishes the measurement."""
+        return publishers(self._node, self.topics['measurement'])
+
     def listen(self, seconds: float) -> Samples:
         """Watch the measurement for so long [s] from when it is heard, and send nothing."""
         latest = time.monotonic() + _SEARCH
         while not self._heard and time.monotonic() < latest:
             time.sleep(_LOOK)
         begin = time.monotonic()
-        self._heard = []
+        self._heard = deque()
         while time.monotonic() - begin < seconds:
             time.sleep(_LOOK)
-        heard = np.array([row for row in self._heard if row[0] >= begin]).reshape(-1, 3)
+        rows, self._heard = self._heard, deque(maxlen=_KEPT)
+        heard = np.array([row for row in list(rows) if row[0] >= begin]).reshape(-1, 3)
         time_, measurement, stamp = heard.T
         # as the stamps are of the wall clock, so is the time that their age counts to
         wall = time_ + (time.time() - time.monotonic())
@@ -222,6 +215,7 @@ class GraphMachine:
             Where the controller refuses it, or is not heard any more, or somebody stopped it.
 
         """
+        self._refuse_stopped()
         values = _plain(attrs.asdict(settings))
         if controller is not None:
             present = attrs.asdict(self.present)
@@ -242,7 +236,7 @@ class GraphMachine:
         self._rows.refuse_lost()
         said = self._rows.said or ''
         if said.startswith(f'{Outcome.STOPPED.value}: '):
-            raise UserError(f'the experiment was {said}')
+            raise UserError(f'the experiment was {said}{_BUSY_HERE if STOPPED in said else ""}')
         return _samples(self._rows.rows, said)
 
     def stop(self) -> None:
@@ -259,9 +253,10 @@ class GraphMachine:
         self.read()
         return '' if result.successful else result.reason
 
-    def enable(self, on: bool = True) -> tuple[bool, str]:
-        """Close the loop, or open it; return whether that was done, and what the node said."""
-        answer = self._call(self._enable, SetBool.Request(data=on))
+    def enable(self) -> tuple[bool, str]:
+        """Close the loop; return whether that was done, and what the node said."""
+        self._refuse_stopped()
+        answer = self._call(self._enable, SetBool.Request(data=True))
         return answer.success, answer.message
 
     def leave(self) -> None:
@@ -269,14 +264,21 @@ class GraphMachine:
         self._beating = False
         self._over.set()
 
+    def _stops_asked(self) -> int:
+        return int(self._told.get('disable_requests', 0))
+
+    def _refuse_stopped(self) -> None:
+        """Begin nothing after a stop, though no experiment ran just then."""
+        if self._stops_asked() > self._stops:
+            raise UserError('somebody asked for a stop: nothing more is sent')
+
     def _begin(self, request: Any) -> None:
         end = time.monotonic() + _BUSY
         while True:
             result = self._call(self._start, request).result
             if result.successful:
                 return
-            again = any(said in result.reason for said in _LATER)
-            if not again or time.monotonic() > end:
+            if not result.reason.endswith(LATER) or time.monotonic() > end:
                 raise UserError(f'{self.name} refuses the experiment: {result.reason}')
             self._pause(0.1)
 

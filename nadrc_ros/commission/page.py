@@ -52,7 +52,9 @@ def page(title: str, steps: Sequence[Step]) -> str:
     return (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<title>{escape(title)}</title><style>{_STYLE}</style>{INLINE.render()}</head>'
+        f'<title>{escape(title)}</title><style>{_STYLE}</style>'
+        f'<script>{INLINE.js_raw[0]}</script>'  # of its parts none but the plots
+        '<script>Bokeh.logger.set_level("error")</script></head>'
         f'<body><main><h1>{escape(title)}</h1>{"".join(parts)}</main>{script}</body></html>'
     )
 
@@ -69,7 +71,8 @@ def _plots(samples: Samples) -> Any:
         more = {'x_range': figures[0].x_range} if figures else {}
         figure = base(name, 'time [s]', **more)
         figure.add_tools(PanTool(), BoxZoomTool(), ResetTool())
-        figure.toolbar_location = 'right'
+        figure.toolbar_location, figure.toolbar.logo = 'above', None
+        figure.toolbar.active_drag = None  # or a finger could not scroll the page
         known = np.isfinite(values)
         draw = figure.step if name == 'command' else figure.line
         mode = {'mode': 'after'} if name == 'command' else {}

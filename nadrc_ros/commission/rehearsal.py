@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 import signal
 import subprocess
@@ -15,14 +16,23 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.demo.loop_parameters import command_timeout, node_parameters
+from nadrc_ros.ros.children import start_child
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.parameter_files import ANY_CONTROLLER, parameter_text, Parameters
+from nadrc_ros.simulation.integrate import Integrator, jacobian, substeps_for
+from nadrc_ros.simulation.signals import Nothing
+from nadrc_ros.tuning.commission.machine import Array
+import numpy as np
 
 NAMESPACE = '/rehearsal'
 # Faster than that no rehearsal need be: the machine that does it has other things to do [Hz].
 _FASTEST = 500.0
 # A node has so long to end before it is killed [s].
 _STOP_TIME = 3.0
+# Bounds: of the range of the reference and of the command, and of the scenario's time.
+_SHARE, _PATIENCE, _SAMPLES = 0.5, 0.25, 200
+# The truth is that of a plant which the largest command has moved for so long [s].
+_MOVED = 0.2
 # What a controller node may know of a plant that nobody knows yet.
 _KNOWN = (
     *('command_min', 'command_max', 'command_rate_limit', 'safe_command'),
@@ -32,12 +42,68 @@ _KNOWN = (
 
 @attrs.frozen(kw_only=True)
 class Truth:
-    """What the plant of a rehearsal really is: its order, b0, dead time [s] and noise."""
+    """What the plant of a rehearsal really is: its order, b0, dead time [s], noise and poles."""
 
     order: int
     b0: float
     delay: float
     noise: float
+    poles: tuple[complex, ...]
+    gain: float
+
+    def b0_of(self, order: int) -> float:
+        """
+        Return b0 of the model of an order whose other poles, the fastest, are left out.
+
+        With y = gain / prod(s - p_i) u it is gain / prod(-p_i) of those.
+        """
+        fast = np.prod([-pole for pole in sorted(self.poles, key=abs)[order:]])
+        return float(np.real(self.gain / fast)) if fast else inf
+
+
+def truth_of(scenario: Scenario, command: float) -> Truth:
+    """Return the truth about the plant of a scenario, linear about a motion by a command."""
+    plant = scenario.plant.make()
+    state = list(scenario.initial_state)
+    integrator = Integrator(plant, Nothing(), substeps_for(plant, 1.0 / scenario.rate))
+    for k in range(int(_MOVED * scenario.rate)):
+        following = list(state)
+        integrator.advance(k / scenario.rate, state, command, 1.0 / scenario.rate, following)
+        state = following
+
+    def slope(u: float) -> Array:
+        change = [0.0] * len(state)
+        plant.derivative(0.0, state, u, 0.0, change)
+        return np.array(change)
+
+    step = 1e-6
+    matrix = jacobian(plant, state, command)
+    push = (slope(command + step) - slope(command - step)) / (2.0 * step)
+    # y is the first state, and what drives it the last: there are no zeros
+    gain = (np.linalg.matrix_power(matrix, len(state) - 1) @ push)[0]
+    return Truth(
+        order=plant.order,
+        b0=plant.b0,
+        delay=scenario.input_delay,
+        noise=scenario.noise.variance**0.5,
+        poles=tuple(np.linalg.eigvals(matrix)),
+        gain=float(gain),
+    )
+
+
+def owners_bounds(scenario: Scenario, present: ControllerSettings) -> dict[str, float]:
+    """Return the bounds that the owner of a scenario's plant would give."""
+    plant, out = scenario.plant.make(), [0.0]
+    reference, wanted = scenario.reference.make(), []
+    for t in np.linspace(0.0, scenario.duration, _SAMPLES):
+        reference.derivatives(float(t), out)
+        wanted.append(out[0])
+    travel = _SHARE * (max(wanted) - min(wanted)) or 1.0
+    most = _SHARE * (present.command_max - present.safe_command)
+    push = abs(plant.b0) * most
+    speed = 2.0 * push if plant.order == 1 else (2.0 * push * travel) ** 0.5
+    longest = max(20.0, _PATIENCE * scenario.duration)
+    return {'max_command': most, 'travel': travel, 'speed': speed, 'longest': longest}
 
 
 class Nodes:
@@ -52,13 +118,7 @@ class Nodes:
         """Start a node with these ROS arguments; what it prints goes to a file of the folder."""
         command = [sys.executable, '-m', f'nadrc_ros.nodes.{node}', '--ros-args', *arguments]
         with (self._folder / f'{node}.log').open('ab') as log:
-            self._running[node] = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+            self._running[node] = start_child(command, stdout=log, stderr=subprocess.STDOUT)
 
     def stop(self, names: Sequence[str] = ('controller', 'plant')) -> None:
         """Interrupt nodes in turn, and kill those that do not end."""
@@ -109,6 +169,18 @@ class Rehearsal:
     The plant of a scenario behind a controller that knows nothing but its limits.
 
     There is no disturbance but what is the plant's own, such as gravity, and the scenario's noise.
+
+    Attributes
+    ----------
+    rate
+        Periods per second [Hz].
+    bounds
+        Those that its owner would give: options of the command, by name.
+    truth
+        What it is.
+    actuator_timeout
+        After so long [s] without commands the plant takes its safe one.
+
     """
 
     def __init__(self, scenario: Scenario, folder: Path) -> None:
@@ -116,23 +188,20 @@ class Rehearsal:
         self.rate = min(scenario.rate, _FASTEST)
         self._folder = folder
         self.nodes = Nodes(folder)
+        self.actuator_timeout = command_timeout(self.rate)
         plant = node_parameters(scenario, name, folder, lockstep=False)['plant']
         plant = {k: v for k, v in plant.items() if not k.startswith('disturbance')}
         plant |= {
             'rate': self.rate,
             'start': 'at_once',
-            'command_timeout': command_timeout(self.rate),
+            'command_timeout': self.actuator_timeout,
             'noise_sample_time': 1.0 / self.rate,
         }
-        made = scenario.plant.make()
-        self.truth = Truth(
-            order=made.order,
-            b0=made.b0,
-            delay=scenario.input_delay,
-            noise=scenario.noise.variance**0.5,
-        )
         kept = {field: getattr(known, field) for field in _KNOWN}
-        blank = attrs.asdict(ControllerSettings(**kept))
+        present = ControllerSettings(**kept)
+        self.bounds = owners_bounds(scenario, present)
+        self.truth = truth_of(scenario, present.safe_command + self.bounds['max_command'])
+        blank = attrs.asdict(present)
         controller: Parameters = {key: blank[key] for key in _KNOWN}
         controller |= {'rate': self.rate, 'enabled_at_start': False}
         slowest = max(controller_timeout(self.rate), ControllerSettings().measurement_timeout)

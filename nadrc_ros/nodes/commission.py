@@ -25,6 +25,8 @@ from rclpy.parameter import parameter_value_to_python
 START, STOP = '~/commission/start', '~/commission/stop'
 # Parameters of the controller that tries begin so.
 CANDIDATE = 'controller.'
+# So ends a refusal of what may be asked for again soon.
+LATER = '; ask again'
 # What ends it from outside lets it brake for so long [s].
 BRAKE = 0.08
 
@@ -42,6 +44,8 @@ class Commission:
         Whether it commands: from the start until the safe command was sent.
     command
         The last one.
+    barred
+        Why it never may, empty where it may.
 
     """
 
@@ -49,6 +53,7 @@ class Commission:
         self, node: LiveNode, controller: Controller, rivals: Rivals, lease: Lease
     ) -> None:
         self.active = False
+        self.barred = ''
         self.command = controller.settings.safe_command
         self._node = node
         self._controller = controller
@@ -58,10 +63,16 @@ class Commission:
         self._asked: tuple[ExperimentSettings, ControllerSettings | None] | None = None
         self._braking, self._ending = inf, ''  # so much longer may it brake [s], and why it ends
         self._told = self._closed = False
+        self._stops = 0
         if node.lockstep is None:
             self._rows = Rows(node, node.pacing.period)
             node.create_service(SetParametersAtomically, START, self._on_start)
             node.add_trigger(STOP, self._on_stop)
+
+    @property
+    def silent(self) -> bool:
+        """Tell whether its command is not to be sent."""
+        return self.active and self._experiment is not None and self._experiment.silent
 
     # ---- what it is asked for ----
 
@@ -87,9 +98,18 @@ class Commission:
 
     def report(self) -> dict[str, object]:
         """Return what /diagnostics has of it."""
+        stops: dict[str, object] = {'disable_requests': self._stops}
         if not self.active or self._experiment is None:
-            return {}
-        return {'commission': f'{self._experiment.settings.kind}: {self._experiment.stage}'}
+            return stops
+        return stops | {
+            'commission': f'{self._experiment.settings.kind}: {self._experiment.stage}'
+        }
+
+    def note_switch(self, on: bool) -> None:
+        """Note that the loop is enabled or disabled: also between experiments that is a stop."""
+        if not on:
+            self._stops += 1
+            self.end('it was disabled')
 
     def end(self, reason: str) -> None:
         """End what runs, within the time that it may brake."""
@@ -191,17 +211,18 @@ class Commission:
         age = controller.policy.measurement_age
         silent = 'so far' if age == inf else f'for {age:.3g} s'
         shared = 'share_command is true, and other commands would not be noticed: start without it'
-        held = f'nobody holds it: publish a lease on {TOPIC}, as 0.2 every 0.05 s, and ask again'
+        held = f'nobody holds it: publish a lease on {TOPIC}, as 0.2 every 0.05 s{LATER}'
         for present, reason in (
+            (self.barred, self.barred),
             (self.busy, self.busy),
             (controller.enabled, 'the loop is enabled: call ~/enable with false first'),
-            (not controller.quiet, 'the command is on its way to safe_command: ask again'),
+            (not controller.quiet, f'the command is on its way to safe_command{LATER}'),
             (controller.inner is not None, 'an inner loop takes the command: commission that one'),
             (rivals.shared, shared),
-            (rivals.listening, 'other commands are still listened for: ask again'),
+            (rivals.listening, f'other commands are still listened for{LATER}'),
             (rivals.commanding, rivals.refusal()),
             (not self._lease.left, held),
-            (not age <= settings.measurement_timeout, f'no valid measurement {silent}'),
+            (not age <= settings.measurement_timeout, f'no valid measurement {silent}{LATER}'),
         ):
             if present:
                 raise UserError(reason)

@@ -12,7 +12,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 
 TOPIC = 'commission/rows'
 COLUMNS = ('time', 'measurement', 'stamp', 'command', 'excitation', 'stage')
-STAGES = ('start', 'rest', 'pulse', 'coast', 'brake', 'doublet', 'step', 'over')
+STAGES = ('start', 'rest', 'pulse', 'coast', 'brake', 'doublet', 'step', 'over', 'silent')
 _QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 # A block is of so long [s].
 _BLOCK = 0.05

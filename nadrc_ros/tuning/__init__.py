@@ -11,3 +11,5 @@ LARGEST_W_H = 0.3
 LEAST_MODULUS = 0.4
 # Factor on the gain of the plant, either way, and periods of delay, that a loop bears.
 LEAST_GAIN, LEAST_DELAY = 2.0, 1.0
+# Factors on the known poles of the plant, and by what share a step may overshoot with them.
+WRONG_POLES, LARGEST_OVERSHOOT = (0.5, 2.0), 0.06

@@ -8,10 +8,11 @@ import signal
 from typing import Any
 
 from nadrc_ros.adrc.status import Mode
+from nadrc_ros.nodes.commission import LATER
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.ros.diagnostics import receive_events
-from nadrc_ros.ros.experiment_rows import COLUMNS, RowsReader
+from nadrc_ros.ros.experiment_rows import COLUMNS, RowsReader, STAGES
 from probe import parameter_file, parameter_messages, Probe, Processes
 import pytest
 from rcl_interfaces.srv import SetParametersAtomically
@@ -153,12 +154,14 @@ def test_p23_what_would_not_be_safe_is_refused_by_name(make_probe: Make) -> None
     assert bench.ask(kind='step', controller_b0=0.0).startswith('controller.b0 = 0.0: must be')
     bench.heart.cancel()
     bench.probe.wait_until(lambda: not bench.node._lease.left)
-    assert bench.ask().startswith('nobody holds it: publish a lease on ~/keep')
+    said = bench.ask()
+    assert said.startswith('nobody holds it: publish a lease on ~/keep') and said.endswith(LATER)
     bench.heart.reset()
     bench.probe.wait_until(lambda: bench.node._lease.left)
     bench.spoil('silent')
     bench.probe.wait_until(lambda: bench.node.controller.policy.measurement_age > 0.3)
-    assert bench.ask().startswith('no valid measurement for ')
+    said = bench.ask()
+    assert said.startswith('no valid measurement for ') and said.endswith(LATER)
     assert bench.probe.enable().success
     assert bench.ask() == 'the loop is enabled: call ~/enable with false first'
     assert bench.parameters() == bench.before
@@ -181,6 +184,26 @@ def test_p23_while_it_runs_nothing_else_is_done_and_disabling_ends_it(make_probe
     assert bench.probe.enable(False).message == 'already disabled'
     assert bench.ended() == 'stopped: it was disabled'
     assert bench.column('time')[-1] - begin < 1.0
+
+
+@pytest.mark.parametrize(
+    ('more', 'end', 'least'),
+    [({'silence': 0.4}, 'done: ', 35), ({'silence': 5.0, 'travel': 1.2}, 'bound: travel', 5)],
+)
+def test_p23_while_it_is_silent_nothing_is_sent_and_a_bound_ends_that(
+    more: dict[str, float], end: str, least: int, make_probe: Make
+) -> None:
+    bench = Bench(make_probe)
+    before = [0, *bench.commands.numbers][-1]
+    bench.start(kind='silence', segment=0.3, **more)
+    assert bench.ended().startswith(end)
+    silent = stages(bench).count('silent')
+    assert silent >= least
+    assert bench.commands.numbers[-1] - before == len(bench.rows.rows) - silent
+
+
+def stages(bench: Bench) -> list[str]:
+    return [STAGES[int(stage)] for stage in bench.column('stage')]
 
 
 @pytest.mark.parametrize('trigger', ['timer', 'measurement'])
@@ -233,7 +256,7 @@ def test_p23_a_controller_that_ends_in_an_experiment_ends_with_the_safe_command(
         return bool(answer.result.successful)
 
     probe.wait_until(started)
-    probe.wait_until(lambda: len(reader.rows) > 30)
+    probe.wait_until(lambda: len(reader.rows) > 30 or not controller.running)
     if how == 'interrupt':
         controller.signal(signal.SIGINT)
     assert probe.end_of(controller) == (how == 'exception')

@@ -8,12 +8,13 @@ after that is for the caller, who ramps to the safe one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
 from math import isfinite, nan
 
 import attrs
 from nadrc_ros.adrc.commission.guard import Guard
-from nadrc_ros.adrc.commission.patterns import Doublets, Pattern, Staircase
+from nadrc_ros.adrc.commission.patterns import Doublets, Pattern, Silence, Staircase
 from nadrc_ros.adrc.commission.settings import ExperimentSettings, WITH_CONTROLLER
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import SettingError
@@ -21,16 +22,22 @@ from nadrc_ros.adrc.settings import ControllerSettings
 
 # So many samples in a row outside the band are worse than predicted: noise alone hardly does that.
 _WORSE = 3
-# So long it holds the machine before it steps, of the length of a step.
-_HELD = 0.25
+# So long it holds the machine before it steps, of the length of a step; it may take so long.
+_HELD, _PATIENCE = 0.15, 2.0
 # In so many segments a controller brings the machine back to where its travel counts from.
 _BACK = 10.0
+# A tick that comes after so many periods is late.
+_ON_TIME = 1.5
 # A brake ends after so many times what drove the motion, beside the dead time.
 _BRAKES = 3.0
 # It is more firm where the speed has not fallen to that part meanwhile.
 _SLOWER = 0.9
 # How firmly it brakes: fully from that part of the largest speed on.
 _FIRM = 2.0
+_PATTERNS: dict[str, Callable[[ExperimentSettings], Pattern]] = {
+    'staircase': Staircase,
+    'silence': Silence,
+}
 
 
 class Outcome(Enum):
@@ -83,11 +90,9 @@ class Experiment:
         self.command = settings.center
         self.excitation = 0.0
         self.guard = Guard(settings)
-        self._pattern: Pattern = (
-            Staircase(settings) if settings.kind == 'staircase' else Doublets(settings)
-        )
+        self._pattern = _PATTERNS.get(settings.kind, Doublets)(settings)
         self._controller = self._made(controller) if controller is not None else None
-        self._time = self._stepped = 0.0
+        self._time = self._stepped = self._near = self._late = 0.0
         self._largest = 0.0
         self._outside = 0
         self._held = False
@@ -103,6 +108,11 @@ class Experiment:
         if self._brake is not None:
             return 'brake'
         return 'step' if self.settings.kind == 'step' else self._pattern.stage
+
+    @property
+    def silent(self) -> bool:
+        """Tell whether the command is not to be sent."""
+        return self.stage == 'silent'
 
     def tick(self, measurement: float, dt: float, elapsed: float) -> float:
         """
@@ -210,21 +220,29 @@ class Experiment:
         settings, guard = self.settings, self.guard
         assert guard.start is not None
         length = len(settings.predicted) * settings.period
-        # it finds out first what holds the machine
-        self._stepped += elapsed
-        at = self._stepped - _HELD * length
-        if not self._held and at >= 0.0:
-            self._held = abs(guard.raw) <= settings.band[0]
-            self._stepped, at = (_HELD * length, 0.0) if self._held else (self._stepped, -1.0)
-            if not self._held and self._stepped > length:
+        # it finds out first what holds the machine, until that stays where it is
+        if not self._held:
+            self._stepped += elapsed
+            near = abs(guard.raw) <= settings.band[0]
+            self._near = self._near + elapsed if near else 0.0
+            if self._near >= _HELD * length:
+                self._held, self._stepped = True, 0.0
+            elif self._stepped > _PATIENCE * length:
                 said = f'it does not hold the machine, which is at {guard.raw:+.4g}'
                 self._stop(Outcome.WORSE, said)
                 return self._send(settings.center, elapsed)
-        self.excitation = settings.reference_step if 0.0 <= at < 0.5 * length else 0.0
-        if measurement is not None and at >= 0.0:
-            k = min(int(at / settings.period + 0.5), len(settings.predicted) - 1)
+            return self._controlled(measurement, dt, elapsed, guard.start)
+        at = self._stepped
+        self._stepped += elapsed
+        self._late += max(elapsed - _ON_TIME * settings.period, 0.0)
+        self.excitation = settings.reference_step if at < 0.5 * length else 0.0
+        if measurement is not None:
+            last = len(settings.predicted) - 1
+            k = min(int(at / settings.period + 0.5), last)
+            # what came late is compared with what was expected meanwhile, too
+            while_late = settings.predicted[max(k - int(self._late / settings.period), 0) : k + 1]
             expected, band = settings.predicted[k], settings.band[k]
-            away = abs(guard.raw - expected) > band
+            away = not min(while_late) - band <= guard.raw <= max(while_late) + band
             self._outside = self._outside + 1 if away else 0
             if self._outside >= _WORSE:
                 self.excitation = 0.0
@@ -243,7 +261,8 @@ class Experiment:
             sign = settings.sign or self._pattern.sign
             size = self._largest or settings.amplitude or settings.max_command
             driven = self.excitation, self._pushed
-            self._brake = _Brake(self.guard, sign, size, driven, self._delay, wait, reason)
+            sure = settings.sign != 0 or self._pattern.sure
+            self._brake = _Brake(self.guard, sign, sure, size, driven, self._delay, wait, reason)
 
     def _finish(self, outcome: Outcome, reason: str) -> None:
         self.outcome, self.over, self.excitation = outcome, reason, 0.0
@@ -264,14 +283,15 @@ class _Brake:
     """
     The opposite of what drove the motion, in proportion to the speed; half after each turn.
 
-    Without a known sign of b0 what drove is all that is known: its opposite, for as long as it
-    drove at most.
+    Without a known sign of b0 what drove is all that is known: its opposite. Where the sign is not
+    sure, the brake ends if the motion grows all the same.
     """
 
     def __init__(
         self,
         guard: Guard,
         sign: int,
+        sure: bool,
         size: float,
         driven: tuple[float, float],
         delay: float,
@@ -279,7 +299,7 @@ class _Brake:
         reason: str,
     ) -> None:
         excitation, pushed = driven
-        self._known = sign != 0
+        self._sure = sure
         self._turns = 0
         self._size, self._delay, self._wait = size, delay, wait
         self._way = 1.0 if guard.velocity > 0.0 else -1.0
@@ -307,12 +327,13 @@ class _Brake:
             return 0.0
         self._since -= elapsed
         if self._since <= 0.0:
-            if abs(guard.velocity) > _SLOWER * self._speed and self._turns == 0:
-                if self._known:  # what drives it now is more than what drove it
-                    self._size *= 2.0
-                elif abs(guard.velocity) > self._speed / _SLOWER:
-                    self._sign, self._known = -self._sign, True
-            self._since, self._speed = self._patience, abs(guard.velocity)
+            speed = abs(guard.velocity)
+            if self._sure and speed > _SLOWER * self._speed and self._turns == 0:
+                self._size *= 2.0  # what drives it now is more than what drove it
+            elif not self._sure and speed > self._speed / _SLOWER:
+                self.finished = True  # it is no brake, or far too weak: nobody knows
+                return 0.0
+            self._since, self._speed = self._patience, speed
         # a chain of two integrators slows down in the time in which it was driven
         share = _FIRM * guard.velocity / guard.fastest
         return -self._sign * self._size * max(-1.0, min(1.0, share))

@@ -15,6 +15,9 @@ from nadrc_ros.adrc.settings import HIGHEST, LOWEST
 
 # Samples of the line, and what share of the speed bound a few deviations of its slope may be.
 _FEWEST, _MOST, _DEVIATIONS, _SHARE = 3, 64, 5.0, 0.25
+# And what share of the travel a motion of one deviation may be in a pulse: else a machine that
+# runs away slowly would count as one that rests.
+_CREEP = 0.02
 # A sample that is so many times as far away as the speed bound explains is passed over, once.
 _ODD = 5.0
 # A speed below that share of its bound is none.
@@ -22,6 +25,8 @@ _STILL = 0.02
 _START_SAMPLES = 5
 # What is kept free of a bound, for what the line sees late.
 _KEPT = 0.9
+# And of travel, where nobody knows yet what brakes.
+_KEPT_NUDGED = 0.5
 
 
 class Guard:
@@ -51,7 +56,7 @@ class Guard:
         self.window = samples_for(settings)
         deviation = settings.noise * slope_noise(self.window) / settings.period
         self.late = (1.0 + 0.5 * self.window) * settings.period
-        self.still = max(3.0 * deviation, _STILL * settings.speed)
+        self.still = max(3.0 * deviation, min(_STILL * settings.speed, 3.0 * creep(settings)))
         self.start: float | None = None
         self.raw = self.away = 0.0
         self.moved = self.velocity = self.fastest = self.growth = self.silence = 0.0
@@ -111,7 +116,8 @@ class Guard:
         reach = abs(self.moved)
         if outward:
             reach += velocity * (late + 0.5 * self._moving)
-        if reach > _KEPT * settings.travel:
+        kept = _KEPT_NUDGED if settings.kind == 'staircase' else _KEPT
+        if reach > kept * settings.travel:
             return f'travel: {self.moved:+.4g} of {settings.travel:g}, at {self.velocity:+.3g}/s'
         gaining = self.growth * self.velocity > 0.0
         fastest = velocity + (abs(self.growth) * late if gaining else 0.0)
@@ -125,13 +131,16 @@ def slope_noise(count: int) -> float:
     return sqrt(12.0 / (count * (count * count - 1.0)))
 
 
+def creep(settings: ExperimentSettings) -> float:
+    """Return the speed of a motion that is slow beside the travel [output unit/s]."""
+    return _CREEP * settings.travel / settings.segment
+
+
 def samples_for(settings: ExperimentSettings) -> int:
-    """Return how many samples tell the speed well enough for its bound."""
+    """Return how many samples tell the speed well enough for its bound, and that of travel."""
+    slow = min(_SHARE * settings.speed / _DEVIATIONS, creep(settings))
     count = _FEWEST
-    while count < _MOST and (
-        _DEVIATIONS * settings.noise * slope_noise(count) / settings.period
-        > _SHARE * settings.speed
-    ):
+    while count < _MOST and settings.noise * slope_noise(count) / settings.period > slow:
         count += 1
     return count
 

@@ -14,14 +14,20 @@ _GROWTH, _VERIFY, _VERIFICATIONS = 1.25, 1.5, 2
 _DEVIATIONS, _LEAST_SHARE, _SHARE = 6.0, 1e-3, 0.05
 # Of speed and travel, what a larger pulse may lead to; of the travel, from where it goes back.
 _LARGEST, _FAR = 0.35, 0.2
+# What goes on with that part of the speed with which it was driven is braked.
+_COASTS = 0.5
+# A majority of so many motions or fewer may be that of a drift.
+_CONTRADICTED = 2
 # A machine that went so far of its travel, and nobody knows why, is left alone.
 _GONE = 0.35
 # After a pulse without motion it rests for that part of one.
 _SHORT_REST = 0.3
-# Lengths of doublets, in segments, and where the pulses of each go: neither speed nor place of a
-# chain of one or two integrators is left.
+# Of the deviations, how many more a pulse asks for that is longer than the rest before it.
+_DOUBT = 0.5
+# Directions of the pulses: neither speed nor place is left of four.
+_TURNS = (1.0, -1.0, -1.0, 1.0)
+# Lengths of doublets, in segments.
 _LENGTHS = (1, 2, 1, 4)
-_WAYS = (1.0, -1.0, -1.0, 1.0)
 
 
 class Pattern(ABC):
@@ -34,9 +40,10 @@ class Pattern(ABC):
         What it does, in a word.
     complaint
         Why it has to end at once, '' if it has not.
-    pushed, sign, late
+    pushed, sign, sure, late
         How long the command has driven the present motion [s]; which sign of b0 that shows, 0
-        before; and in what time it was seen at the fastest [s], which no dead time is longer than.
+        before, and whether that is sure; and in what time it was seen at the fastest
+        [s], which no dead time is longer than.
     finished, still
         Whether it came to its end, and whether the motion it waits for has not come so far.
 
@@ -46,6 +53,7 @@ class Pattern(ABC):
     complaint = ''
     pushed = 0.0
     sign = 0
+    sure = False
     late = 0.0
     finished = False
     still = False
@@ -76,14 +84,17 @@ class Staircase(Pattern):
         self._way = 1.0 if up > 0.0 else -1.0
         self._base = self._spent = self._farthest = self._fastest = self._travelled = 0.0
         # drift: since the last motion ended, how long and from where
-        self._rested = self._rest = self._drift = self._pulsed = 0.0
-        self._hits = self._votes = 0
+        self._rested = self._drift = self._pulsed = 0.0
+        self._rest: float | None = None
+        self._hits = self._votes = self._count = 0
         self._seen = inf
         self.still = True
 
     def advance(self, guard: Guard, elapsed: float) -> float:
         """Return what is added to the resting command."""
         self._spent += elapsed
+        if self._rest is None:
+            self._rest = guard.away
         moved = guard.moved - self._base
         if self.stage in ('pulse', 'coast'):
             moved -= self._drift * self._pulsed
@@ -98,7 +109,7 @@ class Staircase(Pattern):
             self._rested, self._rest = 0.0, guard.moved
         if self.stage == 'rest':
             if self.sign == 0 and abs(guard.moved) > _GONE * self._settings.travel:
-                self.complaint = f'travel: it moves by itself, and is {guard.moved:+.4g} away'
+                self.complaint = f'travel: it is {guard.moved:+.4g} away, by itself as it seems'
             least = self._length * (1.0 if own.moves else _SHORT_REST)
             if self._spent < least or not (slow or self._spent >= 4.0 * self._length):
                 return 0.0
@@ -111,35 +122,44 @@ class Staircase(Pattern):
             self.pushed = self._farthest = self._fastest = moved = 0.0
         if self.stage == 'pulse':
             self._hits = self._hits + 1 if abs(moved) > self._threshold else 0
-            if self._hits >= 2:
+            over = self._spent >= self._length * (2.0 if own.moves else 1.0)
+            if self._hits >= 2 or (over and abs(moved) > self._noisy):
                 own.moves += 1
                 self._travelled, self.still = moved, False
                 self._votes += 1 if moved * self._way > 0.0 else -1
-                # one motion may be that of an elastic joint
+                # one motion may be that of an elastic joint, or of a drift
                 self.sign = 0 if abs(self._votes) < 2 else 1 if self._votes > 0 else -1
+                self.sure = abs(self._votes) > _CONTRADICTED
                 self._rested = -1.0
                 self._seen = min(self._seen, self._spent)
                 self.late = self._seen
                 self._begin('coast')
-            elif self._spent >= self._length * (2.0 if own.moves else 1.0):
+            elif over:
                 self._begin('rest')
             else:
                 self.pushed += elapsed
                 return self._way * own.size
-        onward = guard.velocity * self._travelled > 0.0
         if self.stage == 'coast' and self._spent >= self.late:
-            self._begin('brake' if onward and not slow else 'rest')
+            # how fast it goes on, as a part of how fast it was driven
+            onward = (moved / self._travelled - 1.0) * self.pushed / self._spent
+            self._begin('brake' if onward > _COASTS else 'rest')
         if self.stage == 'brake':
-            if self._spent + 0.5 * elapsed < self.pushed and (onward or slow):
+            turned = guard.velocity * self._travelled < 0.0 and not slow
+            if self._spent + 0.5 * elapsed < self.pushed and not turned:
                 return -self._way * min(own.size, self._ways[-self._way].room)
             self._begin('rest')
         return 0.0
 
     @property
     def _threshold(self) -> float:
-        least = _DEVIATIONS * self._settings.noise
-        share = _LEAST_SHARE if self.still else _SHARE
-        return max(least, share * self._settings.travel)
+        share = _SHARE if self._ways[self._way].moves else _LEAST_SHARE
+        return max(self._noisy, share * self._settings.travel)
+
+    @property
+    def _noisy(self) -> float:
+        """Return what noise may look like, and a drift that is not known well."""
+        long = self._pulsed / max(self._rested, self._settings.period)
+        return _DEVIATIONS * self._settings.noise * max(1.0, _DOUBT * long)
 
     def _begin(self, stage: str) -> None:
         self.stage, self._spent = stage, 0.0
@@ -147,7 +167,16 @@ class Staircase(Pattern):
     def _choose(self, guard: Guard) -> None:
         """Choose the next pulse: its direction, and how large it is."""
         last, other = self._ways[self._way], self._ways[-self._way]
-        if last.moves and self._farthest > 0.0:
+        far = abs(guard.moved) > _FAR * self._settings.travel
+        if (
+            self.sign
+            and far
+            and guard.moved * self._way * self.sign < 0.0
+            and self._outward(guard)
+        ):
+            # on its way back it is driven away by more
+            last.size = min(_VERIFY * last.size, last.room)
+        elif last.moves and self._farthest > 0.0:
             fast = self._fastest / self._settings.speed
             # at worst all that the last pulse had more than one without motion drove it
             room = _LARGEST / max(fast, self._farthest / self._settings.travel, 1e-3)
@@ -161,11 +190,16 @@ class Staircase(Pattern):
         finished = [way for way, each in self._ways.items() if self._done(each, self._ways[-way])]
         if len(finished) == 2:
             self.finished = True
-        way = -self._way
+        self._count += 1
+        way = _TURNS[self._count % len(_TURNS)]
         ahead = guard.moved + guard.velocity * 2.0 * self._length
         if self.sign and abs(ahead) > _FAR * self._settings.travel:
             way = -self.sign if ahead > 0.0 else self.sign
         self._way = -way if way in finished else way
+
+    def _outward(self, guard: Guard) -> bool:
+        """Tell whether the last pulse left it farther away than it was."""
+        return abs(guard.moved) >= abs(self._base)
 
     def _done(self, own: _Way, other: _Way) -> bool:
         """Tell whether enough is known of a direction: it moved, or is blocked, or has no room."""
@@ -185,6 +219,30 @@ class _Way:
         self.size, self.room = size, room
         self.without = 0.0
         self.moves = 0
+
+
+class Silence(Pattern):
+    """A pulse towards where travel counts from, after which nothing is sent for a while."""
+
+    def __init__(self, settings: ExperimentSettings) -> None:
+        self._settings = settings
+        self._spent = self._value = 0.0
+        self.stage = 'pulse'
+
+    def advance(self, guard: Guard, elapsed: float) -> float:
+        """Return what is added to the resting command, and stays as the last that was sent."""
+        settings = self._settings
+        if not self._value:
+            up, down = settings.highest - settings.center, settings.center - settings.lowest
+            size = settings.amplitude
+            back = down >= size and (up < size or settings.sign * guard.moved > 0.0)
+            self._value = -size if back else min(size, up)
+        self._spent += elapsed
+        self.pushed += elapsed
+        if self._spent > settings.segment:
+            self.stage = 'silent'
+        self.finished = self._spent > settings.segment + settings.silence
+        return self._value
 
 
 class Doublets(Pattern):
@@ -222,5 +280,5 @@ class Doublets(Pattern):
         if self._time + 5.0 * length > settings.longest:
             return False
         size = settings.amplitude
-        self._pulses = [(length, way * to * size) for to in _WAYS] + [(settings.segment, 0.0)]
+        self._pulses = [(length, way * to * size) for to in _TURNS] + [(settings.segment, 0.0)]
         return True

@@ -7,7 +7,7 @@ from nadrc_ros.adrc.errors import SettingError
 from nadrc_ros.adrc.fields import choice, flag, integer, number, numbers
 from nadrc_ros.adrc.settings import HIGHEST, LEAST, LONGEST, LOWEST, SLOWEST_RATE
 
-KINDS = ('staircase', 'doublet', 'closed', 'step')
+KINDS = ('staircase', 'doublet', 'silence', 'closed', 'step')
 # With a controller in the loop.
 WITH_CONTROLLER = ('closed', 'step')
 
@@ -32,8 +32,9 @@ class ExperimentSettings:
         'staircase',
         KINDS,
         'staircase = pulses that grow until the output moves; doublet = pulses to and fro, of '
-        'zero mean; closed = these, added to the command of a controller; step = a controller '
-        'takes over, steps and is compared with a prediction',
+        'zero mean; silence = a pulse, after which nothing is sent; closed = doublets, added to '
+        'the command of a controller; step = a controller takes over, steps and is compared with '
+        'a prediction',
     )
     period: float = number(0.01, 1e-6, 1.0 / SLOWEST_RATE, 's', 'nominal time between samples')
     center: float = number(
@@ -77,6 +78,7 @@ class ExperimentSettings:
     segment: float = number(
         0.25, 1e-6, LONGEST, 's', 'length of a pulse, of doublets that of the shortest'
     )
+    silence: float = number(0.0, 0.0, LONGEST, 's', 'how long nothing is sent, of kind silence')
     seed: int = integer(1, 0, 2**31 - 1, 'what the order of the doublets is drawn from')
     reference_step: float = number(
         0.0, LOWEST, HIGHEST, 'output unit', 'step of the reference, of kind step'

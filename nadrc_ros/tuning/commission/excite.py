@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import attrs
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
-from nadrc_ros.tuning.commission.fit import fit, Fitted, Segment
+from nadrc_ros.adrc.settings import HIGHEST
+from nadrc_ros.tuning.commission.fit import arriving, fit, Fitted, Segment, with_mode
 from nadrc_ros.tuning.commission.machine import Samples
 from nadrc_ros.tuning.commission.model import Model
 from nadrc_ros.tuning.commission.nudge import best
@@ -19,12 +21,12 @@ NARROW = 0.1
 _BAD = 1.3
 # What is enough to go on with where there is no more: the loop bears a factor of two.
 ACCEPTABLE = 0.25
-# What no model is better than, of b0, twice that with friction: the machine is not quite it.
+# What no model is better than, of b0: the machine is not quite it.
 _LEAST_ERROR = 0.01
-# Of a motion that is hardly more than its noise the slopes tell too little of the uncertainty.
-_FAINT = 0.15
 # Shares of the bounds that a doublet may take by the model, and of the command.
 _TRAVEL, _SPEED, _COMMAND = 0.35, 0.45, 0.9
+# Segments of more than that share of the largest command are fitted, where there are so many.
+_LARGE, _FEWEST = 0.5, 10
 # Lengths of the shortest pulse that are tried [periods], and how many times the dead time it is.
 _LENGTHS, _LATE = (6, 9, 13, 20, 30, 45, 70, 100, 150), 1.5
 # Amplitudes that are tried, as shares of the largest; motion over noise that is enough.
@@ -36,7 +38,6 @@ class Excitation:
     """What the doublets tell: the model and its intervals from all segments so far."""
 
     samples: tuple[Samples, ...]
-    segments: tuple[Segment, ...]
     fitted: Fitted
     noise: float
     seconds: float
@@ -46,16 +47,13 @@ class Excitation:
     def b0(self) -> Estimate:
         """Return b0 with an interval that allows for what the model does not explain."""
         fitted = self.fitted
-        strange = max(fitted.residual / self.noise, 1.0) if self.noise > 0.0 else 1.0
-        least = _LEAST_ERROR * (2.0 if fitted.model.friction > 0.0 else 1.0)
-        least += _FAINT * fitted.residual / max(fitted.moved, fitted.residual)
-        least *= abs(fitted.b0.value)
-        return attrs.evolve(fitted.b0, error=float(np.hypot(strange * fitted.b0.error, least)))
+        least = _LEAST_ERROR * abs(fitted.b0.value)
+        return attrs.evolve(fitted.b0, error=float(np.hypot(fitted.b0.error, least)))
 
     @property
     def narrow(self) -> bool:
-        """Tell whether b0 is known well enough."""
-        return self.b0.half_width <= NARROW
+        """Tell whether b0 is known well enough, from enough pulses to know how well."""
+        return self.b0.half_width <= NARROW and len(self.fitted.segments) >= _FEWEST
 
     @property
     def lines(self) -> list[str]:
@@ -75,6 +73,8 @@ def sized(model: Model, base: ExperimentSettings) -> ExperimentSettings | None:
     """Return the doublets that this model says are clear of the noise and inside the bounds."""
     room = _COMMAND * min(base.highest - base.center, base.center - base.lowest)
     chosen, most = None, 0.0
+    if room <= 0.0:  # an actuator that pushes only
+        return None
     for periods in _LENGTHS:
         length = periods * base.period
         if length < _LATE * model.delay or 14.0 * length > base.longest:
@@ -96,16 +96,30 @@ def sized(model: Model, base: ExperimentSettings) -> ExperimentSettings | None:
 
 def _response(model: Model, size: float, periods: int, h: float) -> tuple[float, float, float]:
     """Return rms, travel and speed of the longest doublet of one size and way, and the other."""
-    lead = model.lead(h)
     pulse = 4 * periods
     doublet = [size] * pulse + [-size] * (2 * pulse) + [size] * pulse + [0.0] * periods
     y = np.zeros(1)
+    edges = h * np.arange(len(doublet), dtype=np.float64)
     for way in (1.0, -1.0):
-        commands = [0.0] * lead + [way * each for each in doublet]
-        found, _ = model.response(commands, h)
-        y = np.append(y, found)
+        sent = way * h * np.append(0.0, np.cumsum(doublet[:-1]))
+        y = np.append(
+            y, model.outputs(arriving(edges, sent, model.delay, len(doublet), h), h, 0.0, 0.0)
+        )
+    if not np.abs(y).max() < HIGHEST:  # it runs away
+        return inf, inf, inf
     speed = np.abs(np.diff(y[: len(doublet)])).max() / h
     return float(np.sqrt(np.mean(y**2))), float(np.abs(y).max()), float(speed)
+
+
+def telling(segments: Sequence[Segment]) -> Sequence[Segment]:
+    """
+    Return the segments with the largest commands, all where these are few.
+
+    Friction is most of what a machine does just above its breakaway, and no model is right there.
+    """
+    most = max(each.size for each in segments)
+    large = [each for each in segments if each.size > _LARGE * most]
+    return large if len(large) >= _FEWEST else segments
 
 
 def refined(
@@ -116,21 +130,34 @@ def refined(
     pace: float,
     size: float,
     seconds: float,
+    latest: float,
+    stop: float | None,
 ) -> Excitation:
     """Return what all segments tell, from the model before."""
-    fitted = fit(segments, start.model, base.period, pace, size)
+    segments = telling(segments)
+    fitted = fit(segments, start.model, base.period, pace, size, latest, base.noise)
     model = fitted.model
     # another search, from all that is known by now
     if len(samples) == 1 or fitted.residual > _BAD * base.noise:
-        stop = 1.0 if model.low == 0.0 else -1.0 if model.high == 0.0 else None
         dry = max(model.friction, 0.1 * size)
-        other = best(segments, dry, base.period, pace, size, base.sign, stop)
+        other = best(segments, dry, base.period, pace, size, base.sign, latest, base.noise, stop)
         if other is not None and other.residual < fitted.residual:
             fitted = other
+    fitted = _with_mode(fitted, base, pace, size, latest)
     return Excitation(
         samples=samples,
-        segments=tuple(segments),
         fitted=fitted,
         noise=base.noise,
         seconds=seconds,
     )
+
+
+def _with_mode(
+    fitted: Fitted, base: ExperimentSettings, pace: float, size: float, latest: float
+) -> Fitted:
+    """Return the model with a mode beside it, if that explains more than chance does."""
+    start = with_mode(fitted, base.period) if not fitted.model.mode_frequency else None
+    if start is None:
+        return fitted
+    swinging = fit(fitted.segments, start, base.period, pace, size, latest, base.noise)
+    return swinging if swinging.residual < fitted.residual else fitted

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 import attrs
+from nadrc_ros.adrc.commission.settings import ExperimentSettings
 from nadrc_ros.tuning.commission.machine import Samples
 from nadrc_ros.tuning.identification.log import noise_deviation
 import numpy as np
@@ -15,6 +16,8 @@ _MOST_LOST = 0.2
 _REPEATS = 0.2
 _CERTAIN = 4.0
 _SECONDS = 20.0
+# Samples that come more irregularly than this share of a period are told.
+_IRREGULAR = 0.5
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -39,6 +42,10 @@ class Look:
     level: float
     refusal: str = ''
 
+    def homed(self, base: ExperimentSettings, sign: int) -> ExperimentSettings:
+        """Return settings of which travel counts from here, for a machine of this sign of b0."""
+        return attrs.evolve(base, noise=self.noise, homed=True, home=self.level, sign=sign)
+
     @property
     def lines(self) -> list[str]:
         """Say so."""
@@ -49,6 +56,10 @@ class Look:
             f'period{late}, {100 * self.lost:.1f} % missing.',
             f'Output: {self.level:.4g}, noise {self.noise:.3g} (standard deviation){grain}.',
         ]
+        if self.jitter > _IRREGULAR:
+            lines.append(
+                'They come irregularly: results become less certain. Is this computer busy?'
+            )
         if self.drifts:
             lines.append(
                 f'It drifts by {self.drift:+.3g} per second although the command rests: gravity, '
@@ -73,9 +84,10 @@ def judge_look(samples: Samples, rate: float) -> Look:
     stamps = samples.stamp[known]
     clock = stamps if np.isfinite(stamps).all() else time
     spans = np.diff(clock)
-    line = np.polyfit(time - time[0], y, 1)
-    slope, left = float(line[0]), y - np.polyval(line, time - time[0])
     steps = np.abs(np.diff(y))
+    # A fit to samples that are all the same has a slope by rounding, and no noise to compare with.
+    line = np.polyfit(time - time[0], y, 1) if steps.any() else np.array([0.0, y[0]])
+    slope, left = float(line[0]), y - np.polyval(line, time - time[0])
     moved = steps[steps > 0.0]
     coarse = moved.size > 0 and float(np.mean(steps == 0.0)) > _REPEATS
     grain = float(moved.min()) if coarse else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Protocol
 
 import attrs
@@ -83,11 +84,21 @@ class Simulated:
         Periods per second [Hz].
     present
         The settings of its controller.
+    actuator_timeout
+        Time without commands after which its actuator takes the safe one [s].
 
     """
 
-    def __init__(self, plant: Plant, rate: float, present: ControllerSettings) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        rate: float,
+        present: ControllerSettings,
+        actuator_timeout: float = inf,
+    ) -> None:
         self.plant, self.rate, self.present = plant, rate, present
+        self.actuator_timeout = actuator_timeout
+        self._quiet = 0.0
         self._ticks = 0
         self._command = present.safe_command
 
@@ -110,7 +121,9 @@ class Simulated:
             dt = 1.0 / self.rate if measurement == measurement else 0.0
             command = experiment.tick(measurement, dt, 1.0 / self.rate)
             rows.append((measurement, command, experiment.excitation, experiment.stage))
-            self._act(command)
+            self._quiet = self._quiet + 1.0 / self.rate if experiment.silent else 0.0
+            late = self._quiet > self.actuator_timeout
+            self._act(self.present.safe_command if late else command)
         outcome = experiment.outcome.value if experiment.outcome else ''
         return self._samples(rows, outcome, experiment.over)
 

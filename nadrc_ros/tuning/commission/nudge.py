@@ -15,15 +15,25 @@ from nadrc_ros.tuning.commission.segments import pulses, segments
 import numpy as np
 
 ORDERS = (1, 2)
-# A model with friction or a stop has to be better than one without by that factor.
-_BETTER = 1.03
+# A model with friction has to be better than one without by that factor, one with a stop need not.
+_BETTER, _AS_GOOD = 1.03, 0.97
 # Friction, as shares of the largest command that did not move it, from which a search begins.
 _FRICTIONS = (0.5, 0.8, 1.0)
+# Within so many times its noise the output stays on one side of where it rests.
+_ONE_WAY = 5.0
+# And one of the whole log has to leave no more than so many times the noise.
+_EXPLAINED = 1.2
 # A model that leaves more than that many times the noise proves nothing against what was seen.
-_STRANGE = 3.0
+_STRANGE = 1.5
+# Two pulses of three say what a fit is believed with that does not explain all.
+_MAJORITY = 0.3
 _FEWEST = 12
 # Damping of a model that grows by a third within a pulse is none of a machine that rests.
 _RUNAWAY = 0.3
+# No dead time is longer than so many times what it took to see a motion, but for the earliest one.
+_LATEST = 1.5
+# Frequencies of a spring from which a search begins, in radians in the usual pulse.
+_STIFF = (0.3, 1.0, 3.0)
 # So many pulses of both directions say the same.
 _UNANIMOUS = 3
 
@@ -35,14 +45,23 @@ class Nudge:
 
     ``sign`` of b0, 0 unknown; ``breakaway`` [command unit] of both directions, down and up: the
     largest pulse without motion and the smallest with one, nan where there is none; ``fitted``,
-    the rough model.
+    the rough model, of so many ``moves``; ``latest`` [s], which no
+    dead time is longer than; ``stop``, the sign of the way from a stop on which it may lie.
     """
 
-    samples: Samples
+    samples: tuple[Samples, ...]
     sign: int
     breakaway: dict[int, tuple[float, float]]
     fitted: Fitted | None
+    moves: int = 0
+    latest: float = 0.0
+    stop: float | None = None
     refusal: str = ''
+
+    @property
+    def enough(self) -> bool:
+        """Tell whether that is enough to go on with."""
+        return self.fitted is not None and not self.refusal and self.moves >= _UNANIMOUS
 
     @property
     def lines(self) -> list[str]:
@@ -65,82 +84,104 @@ class Nudge:
         return [*lines, *filter(None, [self.refusal])]
 
 
-def judge_nudge(samples: Samples, settings: ExperimentSettings, level: float) -> Nudge:
-    """Return what the samples of a staircase tell; ``level`` is the output at rest."""
-    parts = pulses(samples)
-    moving = [_moves(samples, *part) for part in parts]
-    sizes = [float(samples.excitation[first]) for first, _ in parts]
+def judge_nudge(runs: tuple[Samples, ...], settings: ExperimentSettings, level: float) -> Nudge:
+    """Return what the samples of staircases tell; ``level`` is the output at rest."""
+    parts = [_Pulse(samples, *part) for samples in runs for part in pulses(samples)]
+    moved = [each for each in parts if each.moves]
     breakaway = {}
     for way in (-1, 1):
-        own = [(abs(size), moves) for size, moves in zip(sizes, moving) if size * way > 0.0]
+        own = [each for each in parts if each.size * way > 0.0]
         if own:
-            least = min((size for size, moves in own if moves), default=nan)
-            without = [size for size, moves in own if not moves and not size > least]
+            least = min((abs(each.size) for each in own if each.moves), default=nan)
+            without = [abs(e.size) for e in own if not e.moves and not abs(e.size) > least]
             breakaway[way] = (max(without, default=0.0), least)
-    if not any(moving):
-        last = max(map(abs, sizes), default=0.0)
-        why = samples.reason if samples.outcome not in ('still', 'done') else ''
+    nothing = Nudge(samples=runs, sign=0, breakaway=breakaway, fitted=None)
+    if not moved:
+        last = max((abs(each.size) for each in parts), default=0.0)
+        why = runs[-1].reason if runs[-1].outcome not in ('still', 'done') else ''
         said = f'Nothing moved at commands up to {last:.4g} from the resting one: '
         said += why or 'allow more with --max-command, or more time with --longest.'
-        return Nudge(samples=samples, sign=0, breakaway=breakaway, fitted=None, refusal=said)
+        return attrs.evolve(nothing, refusal=said)
     kept = [
-        part
-        for k, part in enumerate(parts)
+        each
+        for k, each in enumerate(parts)
         # what did not move tells of friction just before it did
-        if moving[k] or any(moving[k + 1 : k + 3])
+        if each.moves or any(other.moves for other in parts[k + 1 : k + 3])
     ]
-    found = segments(samples, kept, settings.period, settings.center, settings.noise, level)
-    ways = [
-        np.sign(_farthest_from_start(samples, *part) * size)
-        for part, size, moves in zip(parts, sizes, moving)
-        if moves
-    ]
+    ways = [each.way for each in moved]
     vote = 1 if sum(ways) >= 0.0 else -1
-    size = max(abs(size) for size, moves in zip(sizes, moving) if moves)
-    rows = [end - first for (first, end), moves in zip(parts, moving) if moves]
-    pace = max(0.25 * float(np.median(rows)), 4.0) * settings.period
-    both = len({size > 0.0 for size, moves in zip(sizes, moving) if moves}) == 2
-    unanimous = vote if both and abs(sum(ways)) == len(ways) >= _UNANIMOUS else 0
+    size = max(abs(each.size) for each in moved)
+    rows = float(np.median([each.end - each.first for each in moved]))
+    pace = max(0.25 * rows, 4.0) * settings.period
+    latest = _LATEST * sorted(each.seen for each in moved)[:2][-1] + 2.0 * settings.period
+    all_ways = not any(moves != moves for _, moves in breakaway.values())
+    unanimous = vote if all_ways and abs(sum(ways)) == len(ways) >= _UNANIMOUS else 0
     dry = max(min((without for without, _ in breakaway.values()), default=0.0), 1e-3 * size)
-    stop = None
-    if any(moves != moves for _, moves in breakaway.values()):  # it lies on a stop, perhaps
+    stop: float | None = None
+    if not all_ways:  # it lies on a stop, perhaps
         stop = vote * max(way for way, (_, moves) in breakaway.items() if moves == moves)
-    fitted = best(found, dry, settings.period, pace, size, unanimous, stop)
+    else:
+        stop = _only_way(runs, settings, level)
+    what = settings.period, settings.center, settings.noise, level
+    whole = [
+        segment
+        for samples in runs
+        for first, _ in pulses(samples)[:1]
+        for segment in segments(samples, [(first, len(samples.time))], *what)
+    ]
+    found = [
+        segment
+        for samples in runs
+        for segment in segments(
+            samples, [(each.first, each.end) for each in kept if each.samples is samples], *what
+        )
+    ]
+    h, noise = settings.period, settings.noise
+    # all of it in one, where nothing makes it stop
+    fitted = best(whole, None, h, pace, size, unanimous, latest, noise)
+    if fitted is None or fitted.residual > _EXPLAINED * noise:
+        fitted = best(found, dry, h, pace, size, unanimous, latest, noise, stop)
     if fitted is None:
         said = 'The pulses are too short to tell anything: allow more travel or speed.'
-        return Nudge(samples=samples, sign=vote, breakaway=breakaway, fitted=None, refusal=said)
+        return attrs.evolve(nothing, sign=vote, refusal=said)
     sign = 1 if fitted.model.b0 > 0.0 else -1
-    sure = fitted.b0.low * fitted.b0.high > 0.0
+    sure = fitted.b0.low * fitted.b0.high > 0.0 and len(moved) >= _UNANIMOUS
+    explained = fitted.residual < _STRANGE * settings.noise
+    most_say_so = sign == vote and abs(sum(ways)) >= _MAJORITY * len(ways)
     refusal = ''
-    if sign != vote and not (sure and fitted.residual < _STRANGE * settings.noise):
+    if not (most_say_so or (sure and explained)):
         refusal = (
             'The output went one way and the other: the sign of b0 is not sure. An elastic joint '
             'or a drift may do that; allow more command or travel.'
         )
-    return Nudge(
-        samples=samples,
+    return attrs.evolve(
+        nothing,
         sign=sign if not refusal else 0,
-        breakaway=breakaway,
         fitted=fitted,
+        moves=len(moved),
+        latest=latest,
+        stop=stop,
         refusal=refusal,
     )
 
 
 def best(
     found: Sequence[Segment],
-    dry: float,
+    dry: float | None,
     h: float,
     pace: float,
     size: float,
     sign: int,
+    latest: float,
+    noise: float,
     stop: float | None = None,
 ) -> Fitted | None:
     """
     Return the simplest model of those that fit best.
 
-    ``dry`` is the least friction, or load, if there is any; ``sign`` is that of b0, 0 if it is not
-    known; of a machine that may lie on a stop,
-    ``stop`` is the sign of the output's way from there.
+    ``dry`` is the least friction, or load, None if there is none; ``sign`` is that of b0, 0 if it
+    is not known; of a machine that may lie on a stop, ``stop`` is the sign of the output's way
+    from there.
     """
     chosen = None
     if sum(len(each.measurement) for each in found) < _FEWEST:
@@ -149,14 +190,20 @@ def best(
         free = Model(order=order, b0=1.0)
         own: Fitted | None = None
         kinds = [
-            [attrs.evolve(free, damping=damping) for damping in (0.0, 1.0 / pace, 0.3 / h)],
             [
-                attrs.evolve(free, friction=share * dry, damping=damping)
-                for share in _FRICTIONS
-                for damping in (0.0, 1.0 / pace)
-            ],
+                *(attrs.evolve(free, damping=damping) for damping in (0.0, 1.0 / pace, 0.3 / h)),
+                *(attrs.evolve(free, stiffness=(k / pace) ** 2) for k in _STIFF if order == 2),
+            ]
         ]
-        if stop is not None:
+        if dry is not None:
+            kinds.append(
+                [
+                    attrs.evolve(free, friction=share * dry, damping=damping)
+                    for share in _FRICTIONS
+                    for damping in (0.0, 1.0 / pace)
+                ]
+            )
+        if dry is not None and stop is not None:
             ends: dict[str, Any] = {'low': 0.0} if stop > 0.0 else {'high': 0.0}
             kinds.append(
                 [
@@ -166,12 +213,14 @@ def best(
                 ]
             )
         for each in kinds:
-            start = scan(found, each, h, sign)
+            start = scan(found, each, h, sign, latest)
             if start is None:
                 continue
-            fitted = fit(found, start, h, pace, size)
-            simple = own is None or fitted.residual * _BETTER < own.residual
-            own = fitted if simple else own
+            fitted = fit(found, start, h, pace, size, latest, noise)
+            # of two that are as good, a stop where one was seen
+            better = _AS_GOOD if start.low == 0.0 or start.high == 0.0 else _BETTER
+            if own is None or fitted.residual * better < own.residual:
+                own = fitted
         if own is None:
             continue
         # order 2 with much damping is order 1, which is taken unless it runs away
@@ -181,12 +230,35 @@ def best(
     return chosen
 
 
-def _moves(samples: Samples, first: int, end: int) -> bool:
-    return bool((samples.stage[first:end] == 'coast').any())
+def _only_way(
+    runs: tuple[Samples, ...], settings: ExperimentSettings, level: float
+) -> float | None:
+    """Return the way of an output that never went the other one from where it rests."""
+    y = np.concatenate([samples.measurement for samples in runs]) - level
+    farthest = float(np.nanmax(y)), -float(np.nanmin(y))
+    noisy = _ONE_WAY * settings.noise
+    if min(farthest) > noisy or max(farthest) < 3.0 * noisy:
+        return None
+    return 1.0 if farthest[0] > farthest[1] else -1.0
 
 
-def _farthest_from_start(samples: Samples, first: int, end: int) -> float:
-    y = samples.measurement[first:end]
-    base = np.nanmean(samples.measurement[max(first - 3, 0) : first + 1])
-    away = np.nan_to_num(y - base)
-    return float(away[np.argmax(np.abs(away))])
+class _Pulse:
+    """
+    A pulse of a staircase, in the rows from ``first`` on, and the rest that follows.
+
+    Its ``size`` [command unit], whether the output ``moves``, after what time that was ``seen``
+    [s], and which ``way`` it went for a command up.
+    """
+
+    def __init__(self, samples: Samples, first: int, end: int) -> None:
+        self.samples, self.first, self.end = samples, first, end
+        self.size = float(samples.excitation[first])
+        coasts = samples.stage[first:end] == 'coast'
+        self.moves = bool(coasts.any())
+        self.seen = float(samples.time[first + int(np.argmax(coasts))] - samples.time[first])
+        # as long as it was driven, and that again
+        driven = int(np.argmin(samples.stage[first:end] == 'pulse')) or end - first
+        y = samples.measurement[first : min(first + 2 * driven, end)]
+        before = samples.measurement[: first + 1]
+        away = np.nan_to_num(y - before[np.isfinite(before)][-3:].mean())
+        self.way = float(np.sign(away[np.argmax(np.abs(away))] * self.size))

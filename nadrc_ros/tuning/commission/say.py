@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf, pi
 from typing import Any, NamedTuple
 
 import attrs
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
 from nadrc_ros.adrc.design import make_design
 from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
-from nadrc_ros.theory.loop import chain
 from nadrc_ros.theory.margins import Margins, margins
 from nadrc_ros.tuning.commission.excite import ACCEPTABLE, Excitation
 from nadrc_ros.tuning.commission.machine import Array, Simulated
@@ -37,14 +37,16 @@ _FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 STEP_SHARE = 0.15
 # Of the step: what a prediction may be off that is right.
 _BAND_SHARE = 0.03
+# And what is as good as held before it.
+_SETTLED = 0.05
 _DEVIATIONS = 3.0
-# What the tries are apart, to what three deviations are; the largest of some that friction lets go
-# by chance is one and a half of them.
-_WIDE, _WIDE_DRY = 1.3, 2.0
+_NOISIER = 1.2
 # How often a machine with friction is simulated.
-_SEEDS = 4
+_SEEDS = 3
 # Settling times that a step lasts.
 _LASTING = 2.5
+# A load of less than that part of the range of the command is not told.
+_LOAD = 0.005
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -52,6 +54,7 @@ class Finding:
     """
     What is known and proposed; ``refusal`` says what is missing, and then nothing is proposed.
 
+    ``others`` are models a standard deviation away from ``model``, each in a direction of its own.
     ``margins`` are those of the loop with the model for b0 times 0.5, 0.7, 1, 1.4 and 2; ``step``
     is the trial: ``predicted`` and ``band`` (N,) a value each period.
     """
@@ -60,6 +63,7 @@ class Finding:
     b0: Estimate
     delay: Estimate
     noise: float
+    others: tuple[Model, ...] = ()
     refusal: str = ''
     settings: ControllerSettings | None = None
     present: ControllerSettings | None = None
@@ -91,9 +95,16 @@ class Finding:
         ]
         if model.friction > 0.0:
             lines.append(f'Dry friction: commands below {model.friction:.3g} do not move it.')
-        if abs(model.load) > 0.02 * abs(model.friction) and abs(model.load) > 0.0:
+        present = self.present or ControllerSettings()
+        range_ = present.command_max - present.command_min
+        if abs(model.load) > max(0.02 * model.friction, _LOAD * range_):
             lines.append(
-                f'A constant load is held by {model.load:+.3g} of the command: feed-forward.'
+                f'A constant load, as gravity, takes {model.load:+.3g} beside the resting command.'
+            )
+        if model.mode_share:
+            lines.append(
+                f'Resonance at {model.mode_frequency / (2.0 * pi):.3g} Hz, damping ratio about '
+                f'{model.mode_damping:.1g}: the margins and the predicted step count it.'
             )
         if self.settings is None:
             return [*lines, self.refusal]
@@ -102,10 +113,10 @@ class Finding:
         lines += [
             f'Settling time {self.settling_time:.3g} s; {self.limit} allows '
             f'{self.fastest:.3g} s at best.',
-            f'controller_bandwidth {s.controller_bandwidth:.4g} rad/s, inner_bandwidth '
-            f'{s.inner_bandwidth:.4g} rad/s.',
-            f'Distance from instability (1 = far, 0 = unstable): {self.margins[1.0].modulus:.2f}, '
-            f'should b0 be half {low:.2f}, twice {high:.2f}.',
+            f'The loop: controller_bandwidth {s.controller_bandwidth:.4g} rad/s; its observer: '
+            f'inner_bandwidth {s.inner_bandwidth:.4g} rad/s.',
+            f'Distance from instability (1 = far, 0 = unstable): {self.margins[1.0].modulus:.2f}; '
+            f'{low:.2f} if b0 is in truth half of that, {high:.2f} if it is twice.',
         ]
         return lines
 
@@ -115,20 +126,31 @@ def say(
     base: ExperimentSettings,
     present: ControllerSettings,
     slower: float = CAREFUL,
+    away: float = 0.0,
+    jitter: float = 0.0,
 ) -> Finding:
-    """Return what follows; ``slower`` times the fastest sound settling time is proposed."""
+    """
+    Return what follows; ``slower`` times the fastest sound settling time is proposed.
+
+    The machine is ``away`` [output unit] from where it rests, and its samples come with a
+    ``jitter`` of that share of a period.
+    """
     fitted, b0 = excitation.fitted, excitation.b0
     model = attrs.evolve(fitted.model, b0=b0.value)
-    known = Finding(model=model, b0=b0, delay=fitted.delay, noise=base.noise)
+    known = Finding(model=model, b0=b0, delay=fitted.delay, noise=base.noise, others=fitted.others)
     refusal = _refusal(excitation)
     if refusal:
         return attrs.evolve(known, refusal=refusal)
-    try:
-        made = designed(model, b0, max(base.noise, fitted.residual), base, present, slower)
-    except Conflict as conflict:
-        return attrs.evolve(known, refusal=f'No controller is proposed: {conflict}')
-    finding = attrs.evolve(known, present=present, **made._asdict())
-    return with_step(finding, base)
+    noise, refusal = max(base.noise, fitted.residual), ''
+    for each in (slower, 1.0):  # a spring may be too much for a slow one
+        try:
+            made = designed(model, b0, noise, base, present, each)
+            return with_step(
+                attrs.evolve(known, present=present, **made._asdict()), base, away, jitter
+            )
+        except Conflict as conflict:
+            refusal = refusal or f'No controller is proposed: {conflict}'
+    return attrs.evolve(known, refusal=refusal)
 
 
 class Made(NamedTuple):
@@ -219,17 +241,18 @@ def _refusal(excitation: Excitation) -> str:
 
 def robust(model: Model, settings: ControllerSettings, h: float) -> dict[float, Margins]:
     """Return the margins with the model, without friction, for b0 times several factors."""
-    damping = [model.damping] if model.order == 1 else [model.stiffness, model.damping]
     design = make_design(settings)
     return {
         factor: margins(
-            design, chain(model.order, factor * model.b0, damping), h, model.delay, 300
+            design, attrs.evolve(model, b0=factor * model.b0).transfer, h, model.delay, 300
         )
         for factor in _FACTORS
     }
 
 
-def with_step(finding: Finding, base: ExperimentSettings) -> Finding:
+def with_step(
+    finding: Finding, base: ExperimentSettings, away: float = 0.0, jitter: float = 0.0
+) -> Finding:
     """Return the finding with a small step: how it should go, and how far off it may be."""
     assert finding.settings is not None
     model, wc = finding.model, finding.settings.controller_bandwidth
@@ -238,14 +261,19 @@ def with_step(finding: Finding, base: ExperimentSettings) -> Finding:
     largest = 0.4 * (room - model.friction) * abs(model.b0) / wc**model.order
     size = min(STEP_SHARE * base.travel, 0.4 * base.speed / wc, max(largest, 0.0))
     size = max(size, min(20.0 * base.noise, 0.3 * base.travel))
+    # away from a stop, else to where travel counts from
+    down = model.high < inf or (model.low == -inf and away > 0.0)
+    step = -size if down else size
     count = int(_LASTING * finding.settling_time / base.period)
     count = max(min(count, int(0.35 * base.longest / base.period)), 10)
+    # friction lets it go by chance
+    held = _SETTLED * size if model.friction == 0.0 else HIGHEST
     trial = attrs.evolve(
         base,
         kind='step',
-        reference_step=size,
+        reference_step=step,
         predicted=(0.0,) * (2 * count),
-        band=(HIGHEST,) * (2 * count),
+        band=(held, *[HIGHEST] * (2 * count - 1)),
         travel=HIGHEST,
         speed=HIGHEST,
         longest=10.0 * count * base.period,
@@ -254,28 +282,26 @@ def with_step(finding: Finding, base: ExperimentSettings) -> Finding:
     def response(other: Model, seed: int = 0) -> Array:
         assert finding.settings is not None
         noise = base.noise if model.friction > 0.0 else 0.0  # without, it only adds
-        plant = ModelPlant(other, base.period, base.center, noise, seed)
+        plant = ModelPlant(other, base.period, base.center, noise, seed, away)
         samples = Simulated(plant, 1.0 / base.period, finding.settings).run(
             trial, finding.settings
         )
-        start = int(np.argmax(samples.excitation != 0.0))
+        stepped = samples.excitation != 0.0
+        if not stepped.any():
+            raise Conflict('it would not hold the machine still')
+        start = int(np.argmax(stepped))
         y = np.array(plant.outputs[start : start + 2 * count])
         shown: Array = y - y[0]
         return shown
 
     # under noise friction acts by chance
     seeds = range(_SEEDS if model.friction > 0.0 else 1)
-    tries = [response(model, seed) for seed in seeds]
+    tries = np.array([response(model, seed) for seed in seeds])
     usual = np.mean(tries, axis=0)
-    h, delay = base.period, finding.delay
-    late = max(delay.error, 0.25 * h)
-    wrong = 1.5 * finding.b0.half_width
-    others = [attrs.evolve(model, b0=model.b0 * (1.0 + ratio)) for ratio in (-wrong, wrong)]
-    others.append(attrs.evolve(model, delay=model.delay + late))
-    if model.friction > 0.0:
-        others += [attrs.evolve(model, friction=f * model.friction) for f in (0.8, 1.2)]
-    tries += [response(other, seed) for seed, other in enumerate(others)]
-    apart = np.max(np.abs(np.array(tries) - usual), axis=0)
-    wide = _WIDE_DRY if model.friction > 0.0 else _WIDE
-    band = _DEVIATIONS * 1.2 * base.noise + wide * apart + _BAND_SHARE * size
-    return attrs.evolve(finding, step=size, predicted=usual, band=band)
+    # half a period is what nobody knows of the time of a sample, and what it jitters
+    late = attrs.evolve(model, delay=model.delay + (0.5 + 2.0 * jitter) * base.period)
+    apart = np.array([response(other) for other in (late, *finding.others)]) - response(model)
+    chance = np.max(np.abs(tries - usual), axis=0) ** 2
+    deviation = np.sqrt(chance + np.sum(apart**2, axis=0) + (_NOISIER * base.noise) ** 2)
+    band = _DEVIATIONS * deviation + _BAND_SHARE * size
+    return attrs.evolve(finding, step=step, predicted=usual, band=band)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from nadrc_ros.tuning.commission.fit import Segment
 from nadrc_ros.tuning.commission.machine import Array, Samples
 import numpy as np
 
-# Periods of commands before a segment, and samples that tell its initial state.
-_BEFORE, _STATE = 32, 8
+# Samples that tell the initial state of a segment.
+_STATE = 8
 
 
 def pulses(samples: Samples) -> list[tuple[int, int]]:
@@ -35,18 +37,23 @@ def segments(
 ) -> list[Segment]:
     """Return those parts for a fit, relative to the output ``level`` at rest."""
     found = []
-    measurement = samples.measurement - level
+    measurement, measured = samples.measurement - level, taken(samples)
+    known = np.isfinite(measurement)
     commands = np.where(np.isfinite(samples.command), samples.command, center) - center
+    sent = np.concatenate(([0.0], np.cumsum(commands[:-1] * np.diff(samples.time))))
     for first, end in parts:
-        if end - first < 3:
+        begin = samples.time[first]
+        rows = np.flatnonzero(known & (measured > begin) & (np.arange(len(measured)) < end))
+        if len(rows) < 3:
             continue
-        y, v, still = state_at(measurement, first, h, noise)
-        before = np.concatenate((np.zeros(_BEFORE), commands[:first]))[-_BEFORE:]
+        before = np.flatnonzero(known & (measured <= begin))[-_STATE:]
+        y, v, still = state_at(measurement[before], measured[before] - begin, h, noise)
         segment = Segment(
-            # the row of a tick has what was measured before its command acted
-            measurement=measurement[first + 1 : end],
-            commands=[*before.tolist(), *commands[first : end - 1].tolist()],
-            before=_BEFORE,
+            time=measured[rows] - begin,
+            measurement=measurement[rows],
+            edges=samples.time[:end] - begin,
+            sent=sent[:end],
+            size=float(np.max(np.abs(commands[first:end]))),
             y=y,
             v=0.0 if still else v,
             resting=still,
@@ -55,16 +62,27 @@ def segments(
     return found
 
 
-def state_at(measurement: Array, row: int, h: float, noise: float) -> tuple[float, float, bool]:
-    """Return output and speed in a row, by the line through those until then; and if it stands."""
-    from_row = max(row + 1 - _STATE, 0)
-    time = np.arange(from_row - row, 1) * h
-    values = measurement[from_row : row + 1]
-    known = np.isfinite(values)
-    if known.sum() < 3:
-        return float(np.nanmean(values)) if known.any() else 0.0, 0.0, True
-    slope, level = np.polyfit(time[known], values[known], 1)
-    error = noise / h * (12.0 / known.sum() ** 3) ** 0.5
+def taken(samples: Samples) -> Array:
+    """
+    Return when the samples were taken by the clock of the ticks: (N,), as late as can be.
+
+    Those that were the shortest on their way count as taken in their tick: what is left is a part
+    of the dead time that a controller has to do with.
+    """
+    age = samples.time - samples.stamp
+    known = np.isfinite(samples.measurement)
+    if not np.isfinite(age[known]).all():
+        return samples.time
+    taken: Array = samples.stamp + np.min(age[known], initial=inf)
+    return taken
+
+
+def state_at(values: Array, time: Array, h: float, noise: float) -> tuple[float, float, bool]:
+    """Return output and speed at time 0, by the line through those until then; if it stands."""
+    if len(values) < 3:
+        return float(np.mean(values)) if len(values) else 0.0, 0.0, True
+    slope, level = np.polyfit(time, values, 1)
+    error = noise / h * (12.0 / len(values) ** 3) ** 0.5
     if abs(slope) <= 3.0 * error:
-        return float(np.mean(values[known])), 0.0, True
+        return float(np.mean(values)), 0.0, True
     return float(level), float(slope), False

@@ -27,7 +27,7 @@ from nadrc_ros.tuning.commission.machine import Machine, Samples
 from nadrc_ros.tuning.commission.nudge import judge_nudge, Nudge
 from nadrc_ros.tuning.commission.say import CAREFUL, designed, Finding
 from nadrc_ros.tuning.commission.say import say as judge
-from nadrc_ros.tuning.commission.segments import doublets, pulses, segments
+from nadrc_ros.tuning.commission.segments import doublets, segments
 from nadrc_ros.tuning.design.requirements import Conflict
 import numpy as np
 
@@ -36,7 +36,11 @@ _FIRST, _PULSES = 1.0 / 40.0, 70.0
 # The shortest pulse [periods].
 _SHORTEST = 10
 # Doublets last at first that many of their shortest pulses, and so many times longer each time.
-_CHUNK, _GROWTH, _ROUNDS = 45.0, 2.0, 4
+_CHUNK, _GROWTH, _ROUNDS = 45.0, 2.0, 6
+# A look is of so many samples at least.
+_SEEN = 50
+# How often a machine is nudged where a bound or an unsure sign ends it.
+_NUDGES = 4
 # After a bound, of the amplitude before.
 _SMALLER = 0.6
 # A nudge tells enough with that part of what is narrow, and a motion of so many times the noise.
@@ -47,6 +51,8 @@ _UNTIL_AWAY = 4.0
 # looked at for so long [s].
 _AWAY, _GLANCE = 0.4, 0.05
 BRING_IT_BACK = 'Bring the machine back'
+# A trial takes so many times as long as its step, as it waits until the machine is held.
+_TRIAL = 3.5
 # So much slower than the fastest is what catches a machine.
 _SLOW = 2.0
 
@@ -105,7 +111,7 @@ def bounds(
 
 def look(machine: Machine, seconds: float = 2.0) -> Look:
     """Watch the machine for so long [s], and send nothing."""
-    return judge_look(machine.listen(seconds), machine.rate)
+    return judge_look(machine.listen(max(seconds, _SEEN / machine.rate)), machine.rate)
 
 
 def nudge(machine: Machine, base: ExperimentSettings, seen: Look) -> Nudge:
@@ -113,7 +119,7 @@ def nudge(machine: Machine, base: ExperimentSettings, seen: Look) -> Nudge:
     settings = staircase(base, seen)
     if seen.drifts and abs(seen.drift) * _UNTIL_AWAY > base.travel:
         return Nudge(
-            samples=seen.samples,
+            samples=(seen.samples,),
             sign=0,
             breakaway={},
             fitted=None,
@@ -122,16 +128,37 @@ def nudge(machine: Machine, base: ExperimentSettings, seen: Look) -> Nudge:
                 'resting command: hold it, or name a command that does (--center).'
             ),
         )
-    return judge_nudge(machine.run(settings), settings, seen.level)
+    runs: tuple[Samples, ...] = ()
+    for _ in range(_NUDGES):
+        samples = machine.run(settings)
+        runs = (*runs, samples)
+        nudged = judge_nudge(runs, settings, seen.level)
+        if samples.outcome != 'bound' and (nudged.enough or not nudged.moves):
+            return nudged
+        if samples.outcome in ('lost', 'stopped'):
+            said = f'The experiment was not finished: {samples.reason}.'
+            return attrs.evolve(nudged, refusal=said)
+        if nudged.enough:
+            break
+        if said := gone(machine, base, seen):
+            return attrs.evolve(nudged, refusal=said)
+        # once more, with less where a bound was met, from where it may begin to move
+        most = settings.max_command
+        sent = float(np.nanmax(np.abs(samples.excitation)))
+        if samples.outcome == 'bound' and sent > 0.0:
+            most = _SMALLER * sent
+        least = min(without for without, _ in nudged.breakaway.values())
+        first = min(max(least, 0.1 * most), most)
+        settings = attrs.evolve(settings, max_command=most, amplitude=first)
+    return nudged
 
 
 def staircase(base: ExperimentSettings, seen: Look) -> ExperimentSettings:
     """Return the staircase for a machine that was looked at."""
     room = max(base.highest - base.center, base.center - base.lowest)
     return attrs.evolve(
-        base,
+        seen.homed(base, 0),
         kind='staircase',
-        noise=seen.noise,
         amplitude=_FIRST * room,
         segment=max(base.longest / _PULSES, _SHORTEST * base.period),
     )
@@ -146,15 +173,14 @@ def excite(
     Where the pulses of the nudge tell enough, nothing more is sent.
     """
     assert nudged.fitted is not None
-    base = attrs.evolve(base, noise=seen.noise, sign=nudged.sign, homed=True, home=seen.level)
-    found = segments(
-        nudged.samples, pulses(nudged.samples), base.period, base.center, seen.noise, seen.level
-    )
-    fitted = nudged.fitted
-    state = Excitation(
-        samples=(), segments=tuple(found), fitted=fitted, noise=seen.noise, seconds=0.0
-    )
-    if state.b0.half_width <= _PLENTY * NARROW and fitted.moved > _CLEAR * seen.noise:
+    base = seen.homed(base, nudged.sign)
+    found, fitted = list(nudged.fitted.segments), nudged.fitted
+    state = Excitation(samples=(), fitted=fitted, noise=seen.noise, seconds=0.0)
+    if (
+        state.narrow
+        and state.b0.half_width <= _PLENTY * NARROW
+        and fitted.moved > _CLEAR * seen.noise
+    ):
         return state
     spent, shrink, chunk = 0.0, 1.0, _CHUNK
     for round_ in range(_ROUNDS):
@@ -162,7 +188,9 @@ def excite(
         at = attrs.evolve(base, delay=model.delay, max_command=shrink * base.max_command)
         planned = sized(model, at)
         left = min(base.longest, seconds) - spent
-        if planned is None or left < 10.0 * planned.segment:
+        if planned is None:  # by a model that is none
+            planned = simple(nudged, at)
+        if left < 10.0 * planned.segment or planned.amplitude <= 0.0:
             break
         catching = controller_for(seen, state.fitted, at, machine.present)
         planned = attrs.evolve(
@@ -181,7 +209,9 @@ def excite(
         )
         runs = (*state.samples, samples)
         pace, size = planned.segment, planned.amplitude
-        state = refined(state.fitted, found, runs, base, pace, size, spent)
+        state = refined(
+            state.fitted, found, runs, base, pace, size, spent, nudged.latest, nudged.stop
+        )
         if samples.outcome in ('lost', 'stopped'):
             said = f'The experiment was not finished: {samples.reason}.'
             return attrs.evolve(state, refusal=said)
@@ -193,19 +223,32 @@ def excite(
     return state
 
 
+def simple(nudged: Nudge, base: ExperimentSettings) -> ExperimentSettings:
+    """Return doublets of the size and the length that moved the machine in the nudge."""
+    room = min(base.highest - base.center, base.center - base.lowest)
+    moved = max(least for _, least in nudged.breakaway.values() if least == least)
+    segment = max(nudged.latest, _SHORTEST * base.period)
+    return attrs.evolve(base, kind='doublet', amplitude=min(moved, room), segment=segment)
+
+
 def gone(machine: Machine, base: ExperimentSettings, seen: Look) -> str:
     """Say that the machine is too far from where it began to go on, '' if it is not."""
-    measurement = machine.listen(max(_GLANCE, 5.0 * base.period)).measurement
-    known = measurement[np.isfinite(measurement)]
-    if not known.size:
+    away = whereabouts(machine, base, seen)
+    if away is None:
         return 'No measurement comes any more.'
-    away = float(np.median(known)) - seen.level
     if abs(away) <= _AWAY * base.travel:
         return ''
     return (
         f'{BRING_IT_BACK}: it is {away:+.3g} away from where it began, of a travel of '
         f'{base.travel:g}. Nothing holds it, or it runs away by itself.'
     )
+
+
+def whereabouts(machine: Machine, base: ExperimentSettings, seen: Look) -> float | None:
+    """Return how far it is from where it was looked at, None if it is not measured any more."""
+    measurement = machine.listen(max(_GLANCE, 5.0 * base.period)).measurement
+    known = measurement[np.isfinite(measurement)]
+    return float(np.median(known)) - seen.level if known.size else None
 
 
 def controller_for(
@@ -232,9 +275,10 @@ def say(
     excited: Excitation,
     slower: float = CAREFUL,
 ) -> Finding:
-    """Return what follows from all that was seen; nothing is sent."""
+    """Return what follows from all that was seen, and from where it is; nothing is sent."""
+    away = whereabouts(machine, base, seen) or 0.0
     base = attrs.evolve(base, noise=seen.noise)
-    return judge(excited, base, machine.present, slower)
+    return judge(excited, base, machine.present, slower, away, seen.jitter)
 
 
 def attempt(machine: Machine, base: ExperimentSettings, seen: Look, finding: Finding) -> Trial:
@@ -245,18 +289,14 @@ def attempt(machine: Machine, base: ExperimentSettings, seen: Look, finding: Fin
         return Trial(samples=nothing, finding=finding, accepted=False, refusal=said)
     count = len(finding.predicted)
     settings = attrs.evolve(
-        base,
+        seen.homed(base, 1 if finding.b0.value > 0.0 else -1),
         kind='step',
-        noise=seen.noise,
-        homed=True,
-        home=seen.level,
-        sign=1 if finding.b0.value > 0.0 else -1,
         delay=finding.model.delay,
         amplitude=0.5 * base.max_command,
         reference_step=finding.step,
         predicted=tuple(finding.predicted),
         band=tuple(finding.band),
-        longest=max(base.longest, 3.0 * count * base.period),
+        longest=max(base.longest, _TRIAL * count * base.period),
     )
     samples = machine.run(settings, finding.settings)
     if samples.outcome == 'done':

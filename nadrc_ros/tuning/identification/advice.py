@@ -256,7 +256,7 @@ def scenario_of(
     if reference is None:
         followed = _sine(log.measurement, log.h)
     else:
-        # Held between its samples, as nothing tells that its derivatives were known.
+        # As a log has it: samples alone, of which the controller estimates what it can.
         columns = {'time': 'time', 'column': 'reference', 'between': 'hold'}
         followed = SignalSpec(csv=str(reference), values=columns)
     values = {'order': plant.order, 'gain': settings.b0, 'damping': damping}
@@ -269,6 +269,7 @@ def scenario_of(
         rate=rate,
         duration=rounded(length),
         input_delay=delay_of(plant),
+        reference_alone=reference is not None,
         controllers={NAME: settings},
     )
 
