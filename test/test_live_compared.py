@@ -35,6 +35,18 @@ def test_the_latest_stretch_with_the_same_reference_is_found() -> None:
     assert not why and begin == pytest.approx(28.0, abs=0.01)
 
 
+def test_a_short_hole_in_the_reference_is_bridged_and_a_long_one_is_in_no_stretch() -> None:
+    rows = record()
+    rows[[1000, 4200, 7000], 1] = nan  # at 5, 21 and 35 s
+    begin, why = same_stretch(rows[:, :2], 3.0, 8.0, 20.0)
+    assert not why and begin == pytest.approx(33.0, abs=0.01)
+    rows[5900:6000, 1] = rows[6800:, 1] = nan
+    begin, why = same_stretch(rows[:, :2], 3.0, 8.0, 20.0)
+    assert not why and begin == pytest.approx(23.0, abs=0.01)
+    rows[900:1000, 1] = nan
+    assert 'not kept whole' in same_stretch(rows[:, :2], 3.0, 8.0, 20.0)[1]
+
+
 @pytest.mark.parametrize(
     ('part', 'why'),
     [
@@ -46,6 +58,16 @@ def test_the_latest_stretch_with_the_same_reference_is_found() -> None:
 def test_what_is_not_comparable_says_why(part: Array, why: str) -> None:
     begin, said = same_stretch(part[:, :2], 3.0, 13.0, 20.0)
     assert begin != begin and why in said
+
+
+def test_a_reference_whose_steps_come_a_sample_earlier_or_later_is_the_same() -> None:
+    rows, late = record(), np.random.default_rng(2).integers(0, 2, 20)
+    edge = np.cumsum(np.full(20, 2.0)) + 0.005 * late - 0.003
+    rows[:, 1] = np.searchsorted(edge, rows[:, 0]) % 2
+    begin, why = same_stretch(rows[:, :2], 3.0, 13.0, 20.0)
+    assert not why and begin == pytest.approx(27.0, abs=0.02)
+    rows[rows[:, 0] > 20.0, 1] *= 1.05
+    assert same_stretch(rows[:, :2], 3.0, 13.0, 20.0)[1]
 
 
 def test_a_held_reference_is_always_the_same() -> None:

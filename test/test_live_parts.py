@@ -59,8 +59,10 @@ def test_p21_a_wrong_cookie_is_none(cookie: str) -> None:
     assert not ACCESS.admits('') and not ACCESS.admits('ü') and ACCESS.admits(ACCESS.token)
 
 
-def test_p21_everywhere_means_addresses_and_no_names() -> None:
-    access = Access(port=8700, host='0.0.0.0')
+@pytest.mark.parametrize('host', ['0.0.0.0', '::', ''])
+def test_p21_everywhere_means_addresses_and_no_names(host: str) -> None:
+    access = Access(port=8700, host=host)
+    assert '//:' not in access.address and access.refusal({'Host': ':8700'})
     assert not access.refusal({'Host': '192.168.1.7:8700'})
     assert access.refusal({'Host': 'rebound.example:8700'})
 

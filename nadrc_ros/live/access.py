@@ -12,7 +12,7 @@ import socket
 import attrs
 
 _LOCAL = ('127.0.0.1', 'localhost', '[::1]')
-_EVERYWHERE = ('0.0.0.0', '::')
+_EVERYWHERE = ('0.0.0.0', '::', '')
 # Where a page of this server is loaded from: itself. BokehJS makes elements <style>.
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
@@ -98,7 +98,7 @@ class Access:
         name, _, port = host.rpartition(':')
         if port != str(self.port):
             return False
-        if name in _LOCAL or name == _bracketed(self.host):
+        if name in _LOCAL or (name and name == _bracketed(self.host)):
             return True
         if self.host not in _EVERYWHERE:
             return False

@@ -82,6 +82,12 @@ class Ring:
         return rows[(rows[:, 0] >= begin) & (rows[:, 0] <= end)]
 
     @property
+    def first(self) -> float:
+        """Return the time of the oldest row [s], 0 without any."""
+        with self._lock:
+            return float(self._chunks[0][0, 0]) if self._chunks else 0.0
+
+    @property
     def last(self) -> float:
         """Return the time of the newest row [s], 0 without any."""
         with self._lock:

@@ -13,8 +13,11 @@ from nadrc_ros.records.history import about_figures, History
 from nadrc_ros.records.recording import FigureSettings, RunSettings
 import numpy as np
 
-# So far, as a share of its range, the reference of two stretches may be apart (rms).
-_APART = 0.01
+# So far, as a share of its range, the reference of two stretches may be apart (rms), but for the
+# samples by which nodes that are not in step may be late.
+_APART, _LATE = 0.01, 2
+# Where it is not known for longer [s], nothing is compared.
+_HOLE = 0.25
 _FEWEST = 20
 
 
@@ -56,39 +59,62 @@ def same_stretch(rows: Array, begin: float, end: float, after: float) -> tuple[f
     is none, that is nan, and why in words.
     """
     none = float('nan')
-    time, reference = rows[:, 0], rows[:, 1]
+    time, reference = rows[np.isfinite(rows[:, 1]), :2].T
     inside = (time >= begin) & (time <= end)
-    if inside.sum() < _FEWEST or not np.isfinite(reference[inside]).all():
+    h = float(np.median(np.diff(time[inside]))) if inside.sum() >= _FEWEST else none
+    pinned = _sampled(np.arange(begin, end, h), time, reference) if h > 0.0 else np.empty(0)
+    if not (pinned.size and np.isfinite(pinned).all()):
         return none, 'the pinned stretch is not kept whole any more, or had no reference'
-    h = float(np.median(np.diff(time[inside])))
-    pinned = np.interp(np.arange(begin, end, h), time, reference)
-    later = time >= after
-    if time[-1] - after < end - begin or not np.isfinite(reference[later]).all():
-        return none, f'{end - begin:.3g} s of reference are needed with these parameters'
+    if time[-1] - after < end - begin:
+        return none, f'{end - begin:.3g} s with these parameters are needed to compare'
     grid = np.arange(after, time[-1], h)
-    away = _distances(np.interp(grid, time, reference), pinned)
+    whole = _sampled(grid, time, reference)
+    away = _distances(whole, pinned)
     span = max(float(np.ptp(pinned)), 1e-9 * float(np.abs(pinned).max()), 1e-12)
-    good = np.flatnonzero(away <= _APART * span)
-    if not good.size:
-        return none, 'the reference has not been the same since'
-    last = good[-1]
-    first = last - int(np.argmin(np.diff(good)[::-1] == 1)) if len(good) > 1 else last
-    near = good[(good >= first) & (good <= last)]
-    best = int(near[::-1][np.argmin(away[near[::-1]])])
-    return float(grid[best]), ''
+    step = float(np.sqrt(np.mean(np.diff(pinned) ** 2)))
+    good = np.flatnonzero(away <= _APART * span + step)
+    for near in reversed(np.split(good, np.flatnonzero(np.diff(good) > 1) + 1)):
+        if not near.size:
+            break
+        best = int(near[::-1][np.argmin(away[near[::-1]])])
+        if _apart(whole[best : best + len(pinned)], pinned) <= _APART * span:
+            return float(grid[best]), ''
+    return none, 'the reference has not been the same since'
+
+
+def _sampled(at: Array, time: Array, values: Array) -> Array:
+    """Return the values at other times, nan where a hole is too wide to be bridged."""
+    place = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    known = (time[place] - time[place - 1] <= _HOLE) & (at >= time[0] - _HOLE)
+    return np.where(known, np.interp(at, time, values), np.nan)
+
+
+def _apart(part: Array, pinned: Array) -> float:
+    """Return the rms distance of two stretches; each sample may be early or late."""
+    padded = np.pad(pinned, _LATE, mode='edge')
+    near = [padded[k : k + len(part)] for k in range(2 * _LATE + 1)]
+    away = part - np.clip(part, np.min(near, axis=0), np.max(near, axis=0))
+    return float(np.sqrt(np.mean(away**2)))
 
 
 def _distances(whole: Array, part: Array) -> Array:
-    """Return the rms distance of ``part`` from the ``whole`` at every place it may have there."""
+    """
+    Return the rms distance of ``part`` from the ``whole`` at every place it may have there.
+
+    It is infinite where the whole is not known.
+    """
     count, n = len(whole) - len(part) + 1, len(part)
     if count < 1:
         return np.empty(0)
     middle = part.mean()  # or the squares would be large, and their difference nothing
-    whole, part = whole - middle, part - middle
+    unknown = ~np.isfinite(whole)
+    whole, part = np.where(unknown, 0.0, whole - middle), part - middle
     size = len(whole) + n
     product = np.fft.irfft(np.fft.rfft(whole, size) * np.conj(np.fft.rfft(part, size)), size)[
         :count
     ]
     sums = np.concatenate([[0.0], np.cumsum(whole**2)])
     squares = sums[n:] - sums[:-n] - 2.0 * product + (part**2).sum()
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / n))
+    holes = np.concatenate([[0], np.cumsum(unknown)])
+    away = np.sqrt(np.maximum(squares, 0.0) / n)
+    return np.where(holes[n:] > holes[:-n], np.inf, away)

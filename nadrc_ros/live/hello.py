@@ -163,8 +163,10 @@ class Rate:
         self._last = report
         counted = number(report.values.get('periods'))
         before = None if last is None else number(last.values.get('periods'))
-        if last is not None and counted is not None and before is not None:
-            self.value = (counted - before) / (report.time - last.time)
+        if last is None or counted is None or before is None:
+            return
+        started_anew = counted < before
+        self.value = nan if started_anew else (counted - before) / (report.time - last.time)
 
 
 def number(text: str | None) -> float | None:
@@ -180,8 +182,10 @@ def state(monitor: Monitor, rate: Rate) -> Message:
     """Return how the controller is."""
     report = monitor.reports.get(monitor.controller)
     found: Message = {'type': 'state', 't': monitor.now(), 'mode': 'unknown', 'cause': 'unknown'}
-    found |= {'text': f'{monitor.controller} was not heard yet', 'level': 'stale'}
+    silent = monitor.absent or f'{monitor.controller} was not heard yet'
+    found |= {'text': silent, 'level': 'stale'}
     found |= dict.fromkeys(('enabled', 'rate', 'latency', 'latency_p99', 'missed', 'periods'))
+    found |= {'experiment': monitor.experiment, 'commissioned': monitor.commissioned}
     nominal = monitor.parameters(monitor.controller).get('rate')
     found |= {'nominal': nominal if isinstance(nominal, float) else None, 'age': None}
     if report is None:

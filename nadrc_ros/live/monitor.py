@@ -17,12 +17,14 @@ from nadrc_ros.adrc.fields import build, declared, flag, text
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.live.blocks import Array, GAP, Ring, thin, THINNED
 from nadrc_ros.live.peer import ControllerPeer, Peer, RecorderPeer
+from nadrc_ros.live.search import absence, controllers
 from nadrc_ros.nodes.recorder_intake import Intake
 from nadrc_ros.records.history import History
 from nadrc_ros.records.recording import NEEDED, topic_of, TRUTH
 from nadrc_ros.records.rows import Row
 from nadrc_ros.records.spacing import Spacing
 from nadrc_ros.ros.diagnostics import receive_events
+from nadrc_ros.ros.graph import publishers
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.pacing import steady_timer
 from nadrc_ros.ros.parameter_watch import ASK_AGAIN, ParameterWatch
@@ -37,6 +39,8 @@ _HEAR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 KEPT, MOST_ROWS = 300.0, 400_000
 # A plot shows no more bins than that of one block.
 _BINS = 50
+# The program that commissions a controller holds it by a node of this name.
+_COMMISSIONER = '/commission'
 _FIRST = (
     *('reference', 'measurement', 'tracking', 'output_estimate', 'command'),
     'disturbance_estimate',
@@ -81,6 +85,8 @@ class Monitor(LiveNode):
         The wall clock at t = 0.
     controller, plant, recorder
         The full names of nodes.
+    absent
+        That the controller is waited for, and who is there instead; '' once it told what it is.
     signals
         The columns of the rows after the time.
     ring
@@ -109,8 +115,11 @@ class Monitor(LiveNode):
         self.descriptors: dict[str, Any] = {}
         self.reports: dict[str, Report] = {}
         self._undescribed, self._asked_at = False, 0.0
+        self._commissioner, self.absent = False, f'waiting for {self.controller}'
         self._known: dict[str, dict[str, Any]] = {}
         self._gain = 0.0
+        self.signals: tuple[str, ...] = ()
+        self.ring = Ring(1, KEPT, MOST_ROWS)
         self._listen(names_for(None))
         self.began = datetime.now(timezone.utc)
         self._zero = self.intake.now()
@@ -123,15 +132,18 @@ class Monitor(LiveNode):
         steady_timer(self, _LOOK, self._on_look)
 
     def _listen(self, signals: tuple[str, ...]) -> None:
-        """Hear these signals, instead of those that were heard."""
+        """Hear these signals, instead of those that were heard, of which the rows are kept."""
+        ring = Ring(1 + len(signals), KEPT, MOST_ROWS)
+        old = self.ring.between(self.ring.first, self.ring.last)
+        named, unknown = dict(zip(self.signals, old[:, 1:].T)), np.full(len(old), nan)
+        ring.add(np.column_stack([old[:, 0], *(named.get(name, unknown) for name in signals)]))
         for each in self.inputs:
             self.destroy_subscription(each.subscription)
         self.inputs.clear()
         topics = {
             name: topic_of(name, self.settings.plant, self.settings.controller) for name in signals
         }
-        self.signals = signals
-        self.ring = Ring(1 + len(signals), KEPT, MOST_ROWS)
+        self.signals, self.ring = signals, ring
         self._spacing, self._last = Spacing(), nan
         self.intake = Intake(self, topics, float('inf'), 0.0, eager=True, qos=_HEAR, watched=False)
 
@@ -148,6 +160,19 @@ class Monitor(LiveNode):
     def parameters(self, node: str) -> dict[str, Any]:
         """Return the parameters of a node, as far as it told them."""
         return dict(self._known.get(node, {}))
+
+    @property
+    def experiment(self) -> str:
+        """Return which experiment of commissioning runs, '' if none does."""
+        report = self.reports.get(self.controller)
+        return report.values.get('commission', '') if report is not None else ''
+
+    @property
+    def commissioned(self) -> str:
+        """Return why pages may only watch and stop: somebody commissions it; '' if nobody does."""
+        if self.experiment:
+            return f'a commissioning experiment runs ({self.experiment})'
+        return 'nadrc commission has this controller' if self._commissioner else ''
 
     @property
     def simulated(self) -> bool:
@@ -218,7 +243,11 @@ class Monitor(LiveNode):
 
     def _on_look(self) -> None:
         self._watch.look()
+        known = self.controller in self._known
+        self.absent = '' if known else absence(controllers(self), self.controller)
         self.intake.rewire()
+        holders = publishers(self, f'{self.controller}/keep')
+        self._commissioner = any(name.endswith(_COMMISSIONER) for name in holders)
         now = time.monotonic()
         if self._undescribed and now - self._asked_at > ASK_AGAIN and self._asked.ready:
             self._asked_at = now
@@ -232,7 +261,7 @@ class Monitor(LiveNode):
 
     def _on_parameters(self, node: str, values: Mapping[str, Any], info: Info | None) -> None:
         before = dict(self._known.get(node, {}))
-        self._known[node] = before | dict(values)
+        self._known[node] = dict(values) if info is None else before | dict(values)
         self._refer_anew()
         if node == self.controller:
             settings = self.controller_settings()
@@ -245,7 +274,8 @@ class Monitor(LiveNode):
             self._undescribed, self._asked_at = self._undescribed or node == self.controller, 0.0
             if node == self.plant and self.simulated and not self.settings.read_only:
                 self.plant_peer = self.plant_peer or Peer(self, node)
-            self.post('changed', {'node': node})
+            other = any(before[name] != values[name] for name in before.keys() & values.keys())
+            self.post('changed', {'node': node, 'anew': other and node == self.controller})
             return
         told = {'node': node, 'values': dict(values), 't': self.now()}
         self.post('parameters', told | {'before': {n: before.get(n) for n in values}})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from math import nan
 from typing import Any
@@ -10,7 +11,7 @@ import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.live.blocks import Array
 from nadrc_ros.live.comparison import figures, same_stretch
-from nadrc_ros.live.monitor import Monitor
+from nadrc_ros.live.monitor import KEPT, Monitor
 from nadrc_ros.live.outbox import Message
 from nadrc_ros.live.undo import Values
 import numpy as np
@@ -57,20 +58,21 @@ class Pinned:
         self._set_all = set_all
         self._other: Values = {}
         # When parameters changed, and to what they were before.
-        self._changes: list[tuple[float, Values]] = []
+        self._changes: deque[tuple[float, Values]] = deque()
         self._limited_since = nan
 
     # ---- requests ----
 
     def pin(self, begin: Any, end: Any) -> Message:
         """Pin a stretch, with the parameters that held in it."""
-        last = self._monitor.ring.last
-        high = float(end) if isinstance(end, (int, float)) else last
+        ring = self._monitor.ring
+        high = min(float(end), ring.last) if isinstance(end, (int, float)) else ring.last
         low = float(begin) if isinstance(begin, (int, float)) else high - _USUAL
+        low = max(low, ring.first)
         changed = [t for t, _ in self._changes if low < t < high]
         if changed:
             low = changed[-1]
-        rows = self._monitor.ring.between(low, high)
+        rows = ring.between(low, high)
         if len(rows) < 2 or rows[-1, 0] - rows[0, 0] < _LEAST:
             raise UserError(
                 f'{_LEAST:g} s of samples with the same parameters are needed to pin them'
@@ -119,6 +121,8 @@ class Pinned:
     def note_change(self, t: float, before: Values) -> None:
         """Note a change of parameters at ``t`` [s], with the values before it."""
         self._changes.append((t, before))
+        while self._changes[0][0] < t - KEPT:
+            self._changes.popleft()
 
     async def restore(self) -> None:
         """Go back to the pinned parameters, and guard nothing any more."""

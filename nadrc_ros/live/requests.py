@@ -94,6 +94,8 @@ class Requests:
             self._answer(client, request, False, 'this server was started with --read-only')
         elif what in self._bound and client is not self._session.operator:
             self._answer(client, request, False, 'another page has control: take over first')
+        elif what in self._bound and (why := self._session.monitor.commissioned):
+            self._answer(client, request, False, f'{why}: a page may only watch, and STOP')
         else:
             try:
                 more = await known[what](client, request)

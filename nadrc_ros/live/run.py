@@ -8,36 +8,30 @@ from contextlib import contextmanager, suppress
 from errno import EADDRINUSE
 import gc
 from pathlib import Path
-import re
 import signal
 import socket
 import sys
 import tempfile
 from threading import Event, Thread
-import time
 import traceback
 
 import attrs
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.live.access import Access
 from nadrc_ros.live.monitor import Monitor
+from nadrc_ros.live.search import node_names, once, SILENT
 from nadrc_ros.live.server import application
 from nadrc_ros.live.session import Session
 from nadrc_ros.ros.runtime import BAD_START, init_ros, stop_signals
 from nadrc_ros.ros.versions import make_executor, spin_until_over
 import rclpy
-from rclpy.node import Node
 from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
 
-# Controllers are looked for so long [s].
-_SEARCH = 1.5
 # What is to be stopped has so long to answer at the end, and the node to end its spin [s].
 _LAST_ANSWER, _SPIN = 0.3, 2.0
 # What stops a loop may not wait for a thread that predicts [s].
 _SWITCH = 1e-3
-_NODE = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)
-_SET_BOOL = 'std_srvs/srv/SetBool'
 
 
 @attrs.frozen(kw_only=True)
@@ -51,7 +45,12 @@ class Asked:
     read_only: bool = False
 
 
-def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[str] = ()) -> None:
+def serve(
+    asked: Asked,
+    tell: Callable[[str, str], None],
+    remark: Callable[[str], None],
+    arguments: Sequence[str] = (),
+) -> None:
     """
     Serve the page of a loop until a signal asks to stop.
 
@@ -61,6 +60,8 @@ def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[st
         Which loop, and where.
     tell
         Called with the address and the name of the controller, once the page can be opened.
+    remark
+        Called with whom the page waits for, if it does for more than a second, and when it ends.
     arguments
         Of the command line, for ROS.
 
@@ -70,12 +71,12 @@ def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[st
         For a port that is taken, several controllers of which none was named, or a bad name.
 
     """
-    sockets = _bind(asked)
+    sockets, remark = _bind(asked), once(remark)
     sys.setswitchinterval(_SWITCH)
     try:
         init_ros(list(arguments))
         with _signals_stop() as stop:
-            namespace, name = node_names(asked)
+            namespace, name = node_names(asked.controller, asked.namespace, remark)
             monitor = Monitor(
                 namespace=namespace,
                 node_name=f'live_{sockets[0].getsockname()[1]}',  # there may be several
@@ -84,7 +85,11 @@ def serve(asked: Asked, tell: Callable[[str, str], None], arguments: Sequence[st
             with _spinning(monitor) as alive:
                 gc.collect()
                 gc.freeze()
-                asyncio.run(_serve(asked, sockets, monitor, tell, lambda: stop() or not alive()))
+
+                def over() -> bool:
+                    return stop() or not alive()
+
+                asyncio.run(_serve(asked, sockets, monitor, tell, remark, over))
                 if not alive():
                     raise UserError('the ROS side of the page failed: see above')
     except BAD_START as error:
@@ -100,6 +105,7 @@ async def _serve(
     sockets: Sequence[socket.socket],
     monitor: Monitor,
     tell: Callable[[str, str], None],
+    remark: Callable[[str], None],
     over: Callable[[], bool],
 ) -> None:
     access = Access(port=sockets[0].getsockname()[1], host=asked.host)
@@ -108,8 +114,11 @@ async def _serve(
         server = HTTPServer(application(access, session, Path(reports)), max_body_size=4096)
         server.add_sockets(list(sockets))
         tell(access.address, monitor.controller)
+        late = asyncio.get_running_loop().time() + SILENT
         while not over():
             await asyncio.sleep(0.05)
+            if asyncio.get_running_loop().time() > late:
+                remark(monitor.absent or f'{monitor.controller} is there')
         server.stop()
         held = any(client.hold.holding for client in session.clients)
         session.close()
@@ -162,38 +171,3 @@ def _spinning(monitor: Monitor) -> Iterator[Callable[[], bool]]:
         if not thread.is_alive():
             executor.shutdown(timeout_sec=0.0)
             monitor.destroy_node()
-
-
-def node_names(asked: Asked) -> tuple[str, str]:
-    """Return the namespace and the name of the controller that is meant."""
-    space = '/' + asked.namespace.strip('/')
-    name = asked.controller or ('controller' if asked.namespace else _only_one())
-    full = name if name.startswith('/') else f'{space.rstrip("/")}/{name}'
-    if not _NODE.fullmatch(full):
-        raise UserError(f'{full}: not the name of a node, such as /arm/controller')
-    before, _, last = full.rpartition('/')
-    return before or '/', last
-
-
-def _only_one() -> str:
-    """Return the only controller of the graph, or a usual name if there is none yet."""
-    node = Node('live_search')
-    time.sleep(_SEARCH)  # the middleware finds them by itself
-    found, space = controllers(node), node.get_namespace().rstrip('/')
-    node.destroy_node()
-    if space:
-        return f'{space}/controller'
-    if len(found) > 1:
-        raise UserError(f'there are {len(found)} controllers: say which, of {", ".join(found)}')
-    return found[0] if found else '/controller'
-
-
-def controllers(node: Node) -> list[str]:
-    """Return the full names of the controllers of this package on the graph."""
-    services = node.get_service_names_and_types()
-    enabled = [
-        name.removesuffix('/enable')
-        for name, types in services
-        if name.endswith('/enable') and _SET_BOOL in types
-    ]
-    return sorted(name for name in enabled if node.count_publishers(f'{name}/output_estimate'))

@@ -50,10 +50,10 @@ async def make_report(run: str, folder: Path) -> str:
 
     """
     name = f'{Path(run).name}.html'
-    command = ['nice', sys.executable, '-m', 'nadrc_ros.cli', 'report', run]
+    command = ['nice', sys.executable, '-m', 'nadrc_ros.cli', 'report']
     process = await asyncio.create_subprocess_exec(
         *command,
-        *('--page', str(folder / name)),
+        *('--page', str(folder / name), '--', run),
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
     )

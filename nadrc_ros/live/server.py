@@ -84,16 +84,20 @@ class _Guarded(RequestHandler):
 class _Page(_Guarded):
     """The page; with a token, the cookie for it."""
 
+    @property
+    def _token(self) -> str:
+        given = self.request.query_arguments.get('token', [b''])[-1]
+        return given.decode(errors='replace')
+
     def _is_admitted(self) -> bool:
-        return super()._is_admitted() or self.access.admits(self.get_query_argument('token', ''))
+        return super()._is_admitted() or self.access.admits(self._token)
 
     def get(self) -> None:
         """Send the page, or the way to it without the token."""
-        token = self.get_query_argument('token', '')
-        if not token:
+        if not self._token:
             self.send_file(files('nadrc_ros.live') / 'static' / 'index.html')
             return
-        if self.access.admits(token):
+        if self.access.admits(self._token):
             name, value = self.access.cookie_name, self.access.cookie
             self.set_header('Set-Cookie', f'{name}={value}; HttpOnly; SameSite=Strict; Path=/')
         self.redirect('/', status=303)

@@ -18,6 +18,7 @@ from nadrc_ros.live.hold import Hold
 from nadrc_ros.live.monitor import Monitor
 from nadrc_ros.live.outbox import Full, Message, Outbox, Write
 from nadrc_ros.live.pinned import Pinned
+from nadrc_ros.live.undo import Undo
 
 # So many posts of the node wait for a server that stands still; then the oldest rows are lost.
 _POSTS = 400
@@ -25,6 +26,7 @@ _STATE, _COMPARED = 0.1, 1.0  # [s]
 # At the start a page gets so many seconds of history, of which the last few whole.
 _HISTORY, _WHOLE, _BINS = 120.0, 10.0, 2000
 _EVENTS = 200
+_DIGITS = 19
 
 
 class Client:
@@ -108,6 +110,8 @@ class Session:
         if self.operator is None and len(self.clients) == 1 and not self.read_only:
             self.operator = client
         client.tell(self._hello(client))
+        if self.operator is None:
+            client.tell({'type': 'operator', 'operator': False, 'text': 'Nobody has control'})
         for event in self._events:
             client.tell(event)
         if self.pinned.stretch is not None:
@@ -127,14 +131,14 @@ class Session:
             self.clients.remove(client)
         if client is self.operator:
             self.operator = None
-            self.tell_operator('the page that had control was closed: any page may take over')
+            self.tell_operator('Nobody has control: the page that had it was closed')
 
     def take_over(self, client: Client) -> None:
         """Give control to a page; a loop that the other one holds is stopped."""
         if self.operator is not None and self.operator is not client:
             self.operator.hold.end()
         self.operator = client
-        self.tell_operator('another page has control now')
+        self.tell_operator('Another page has control now')
 
     def tell_operator(self, text: str) -> None:
         """Tell every page whether it has control."""
@@ -169,8 +173,8 @@ class Session:
         return self.monitor.peer is None
 
     def keep(self, seconds: float) -> None:
-        """Lease the controller some more time [s]."""
-        if self.monitor.peer is not None:
+        """Lease the controller some more time [s], unless that would hold an experiment."""
+        if self.monitor.peer is not None and not self.monitor.experiment:
             self.monitor.peer.keep(seconds)
 
     def stop(self) -> Any:
@@ -195,6 +199,8 @@ class Session:
     def _take_rows(self, content: Message) -> None:
         for client in self.clients:
             client.outbox.add(content['rows'], content['flags'])
+        if self.monitor.commissioned:
+            return
         if why := self.pinned.trouble(content['rows']):
             self.background(self._go_back(why))
 
@@ -206,6 +212,8 @@ class Session:
             client.tell(state(self.monitor, self._rate) | self._about(client))
 
     def _take_changed(self, content: Message) -> None:
+        if content.get('anew'):
+            self._begin_anew()
         if values := self.monitor.parameters(self.monitor.controller):
             self.changes.undo.begin(values)
         others, self._signals = self._signals != self.monitor.signals, self.monitor.signals
@@ -213,6 +221,8 @@ class Session:
             if others:
                 client.outbox.forget_blocks()
             client.tell(self._hello(client))
+            if others:
+                self._tell_history(client)
 
     def _take_parameters(self, content: Message) -> None:
         node, values = content['node'], content['values']
@@ -233,11 +243,22 @@ class Session:
             {
                 'type': 'parameters',
                 'values': values,
+                'before': before,
                 'source': 'page' if ours else node,
                 't': content['t'],
                 'number': self.number,
             }
         )
+
+    def _begin_anew(self) -> None:
+        """Forget the values of before: they are of another process."""
+        self.changes.undo = Undo()
+        self.pinned.unpin()
+        self.pinned.note_change(self.monitor.now(), {})
+        self.tell(self.pinned.comparison())
+        self.tell(self.pinned.told_guard())
+        text = 'the controller was started with other parameters: nothing is pinned or pending'
+        self.event('started', text)
 
     # ---- what pages are told ----
 
@@ -304,12 +325,18 @@ def parsed(text: str | bytes) -> Message:
 
     """
     try:
-        found = json.loads(text, parse_constant=partial(_refuse, 'not a number'))
+        found = json.loads(text, parse_constant=partial(_refuse, 'not a number'), parse_int=_whole)
     except (RecursionError, UnicodeDecodeError):
         raise ValueError('not JSON') from None
     if not isinstance(found, dict) or not isinstance(found.get('do'), str):
         raise ValueError('not an object with "do"')
     return found
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > _DIGITS:  # no parameter and no float could have it
+        raise ValueError('a number of too many digits')
+    return int(digits)
 
 
 def _refuse(why: str, what: str) -> None:

@@ -20,7 +20,7 @@ function contrast(element) {
   return (high + 0.05) / (low + 0.05);
 }
 function covered(element) {
-  element.scrollIntoView({ block: 'center' });
+  element.scrollIntoView({ block: 'end' }); // below the legend, which may fill more than half
   const box = element.getBoundingClientRect();
   if (!box.width || !box.height) return false;
   const top = document.elementFromPoint(
@@ -60,8 +60,8 @@ async function look() {
   found.printed = printed.map((each) => each.naturalWidth / devicePixelRatio);
   found.dark = timed[0].model.background_fill_color;
   every('details').forEach((each) => { each.open = true; });
-  const texts = every('h1, h2, h3, p, td, th, button, a, summary, figcaption, label, select, output')
-    .filter((each) => each.textContent.trim() && each.checkVisibility());
+  const own = (each) => [...each.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+  const texts = every('main *').filter((each) => own(each) && each.checkVisibility());
   found.texts = texts.length;
   found.faint = texts.filter((each) => contrast(each) < 4.5).map((each) => each.outerHTML.slice(0, 90));
   found.covered = [...texts, ...every('.canvas')].filter(covered).map((each) => each.outerHTML.slice(0, 90));

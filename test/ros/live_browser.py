@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 import json
+from pathlib import Path
 from typing import Any
 
 from probe import Probe, Processes
+import pytest
 from rcl_interfaces.msg import ParameterEvent
 
 SAFE = 0.25
 # What a test may see of a machine that is busy with others [s].
-SOON = 10.0
+SOON = 30.0
 
 
 class Live:
@@ -71,6 +73,8 @@ class Live:
         page = page or self.page
         page.set_checked('#hold', hold)
         if not self.enabled():
+            # to a page that has not heard of the last stop, it runs already
+            page.wait_for_selector('#run[aria-pressed=false]')
             page.click('#run')
         self.until(self.enabled)
 
@@ -84,3 +88,45 @@ class Live:
     def _on_change(self, event: ParameterEvent) -> None:
         if event.node.endswith('/controller') and event.changed_parameters:
             self.changes.append([each.name for each in event.changed_parameters])
+
+
+def take_back(live: Live) -> None:
+    if live.page.is_visible('#take'):
+        live.page.click('#take')
+    live.page.wait_for_selector('#take', state='hidden')
+
+
+def hide(page: Any) -> None:
+    """Do what a browser does; a page of a headless Chromium is never hidden, nor frozen."""
+    page.evaluate(
+        """() => {
+          Object.defineProperty(document, 'visibilityState', { value: 'hidden', writable: true });
+          document.dispatchEvent(new Event('visibilitychange'));
+          document.visibilityState = 'visible';
+        }"""
+    )
+
+
+def freeze(page: Any) -> None:
+    """Let no line of the page's scripts run any more."""
+    session = page.context.new_cdp_session(page)
+    session.send('Debugger.enable')
+    session.send('Debugger.pause')
+
+
+def hold(live: Live, page: Any) -> None:
+    """Run by the heartbeat of a page; on a busy machine the first leases may run out."""
+    for _ in range(5):
+        live.run(page, hold=True)
+        live.probe.spin(0.7)  # more than a lease
+        if live.enabled():
+            return
+    pytest.fail('no lease lasted for 0.7 s')
+
+
+def downloaded(page: Any, button: str) -> Path:
+    with page.expect_download() as got:
+        page.click(button)
+    path = Path(got.value.path())
+    assert path.stat().st_size and got.value.suggested_filename.startswith('nadrc-live-')
+    return path

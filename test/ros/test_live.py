@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
-import json
 from pathlib import Path
 import signal
 import socket
 import time
-from typing import Any
+from typing import NamedTuple
 
-from live_loop import Page, PERIOD, RATE, Served, until
-from nadrc_ros.adrc.errors import UserError
-from nadrc_ros.live.monitor import Monitor
-from nadrc_ros.live.requests import Requests
-from nadrc_ros.live.run import Asked, node_names, serve
-from nadrc_ros.live.session import Session
+from live_loop import Page, PERIOD, quickest, RATE, Served, until
+from nadrc_ros.live.blocks import Array, THINNED
 from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.parameter_file import parameters_in
 from nadrc_ros.records.read_run import read_run
-from nadrc_ros.records.recorded_run import window
+from nadrc_ros.records.recorded_run import RecordedRun, window
 import numpy as np
+from numpy.typing import NDArray
 from probe import Probe, Processes
 import pytest
 
 # Promised of a stop, and of a heartbeat that ends [s].
 STOP, LAPSE = 0.1 + PERIOD, 0.5 + PERIOD
 NAMESPACE = '/live_loop'
+# Rows that are compared one by one, and stretches of which one has to have all samples.
+LAST, STRETCHES = 100, 3
+SOCKET = {
+    'Upgrade': 'websocket',
+    'Connection': 'Upgrade',
+    'Sec-WebSocket-Key': 'dGhlIHNhbXBsZSBub25jZQ==',
+    'Sec-WebSocket-Version': '13',
+}
 
 
 @pytest.fixture(scope='module')
@@ -45,36 +48,21 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture
 def page(served: Served) -> Iterator[Page]:
-    """Open a page, which has control as the only one."""
-    page = Page(served.address)
+    """Open a page, which has control as the only one, once the last one is gone."""
+    while not (page := Page(served.address)).hello['operator']:
+        page.close()
     yield page
     if served.server.running:
-        page.tell('stop')
-        until(lambda: not served.enabled)
+        page.ask('stop')
     page.close()
-    time.sleep(0.05)
-
-
-def quickest(stop: Callable[[], float], promised: float, tries: int = 4) -> float:
-    """Return the shortest time that it took, one within the promise if there is any."""
-    taken: list[float] = []
-    while not taken or (min(taken) > promised and len(taken) < tries):
-        taken.append(stop())
-    return min(taken)
 
 
 def test_p21_without_token_or_from_elsewhere_nothing_is_told_or_changed(
     served: Served, page: Page
 ) -> None:
     served.enable()
-    before = dict(served.controller.controller.settings.__getstate__())
+    before = served.staged
     own = {'Cookie': page.cookie}
-    socket_headers = {
-        'Upgrade': 'websocket',
-        'Connection': 'Upgrade',
-        'Sec-WebSocket-Key': 'dGhlIHNhbXBsZSBub25jZQ==',
-        'Sec-WebSocket-Version': '13',
-    }
     for path in ('/', '/static/main.js', '/ws', '/nothing', '/?token=wrong', '/?do=stop'):
         assert page.get(path).status == 403, path
         assert page.get(path, Host='evil.example:80', **own).status == 403, path
@@ -83,14 +71,14 @@ def test_p21_without_token_or_from_elsewhere_nothing_is_told_or_changed(
     for method in ('POST', 'PUT', 'DELETE', 'OPTIONS', 'HEAD'):
         assert page.get('/', method).status == 403
         assert page.get('/?do=stop', method, **own).status in (405, 200, 404), method
-    upgraded = socket_headers | own
+    upgraded = SOCKET | own
     assert page.get('/ws', **upgraded).status == 403, 'a socket without an Origin'
     assert page.get('/ws', Origin='http://evil.example', **upgraded).status == 403
-    assert page.get('/ws', Origin=page.base, **socket_headers).status == 403, 'without a cookie'
+    assert page.get('/ws', Origin=page.base, **SOCKET).status == 403, 'without a cookie'
     assert page.get('/ws', Origin=page.base, Host='localhost:1', **upgraded).status == 403
     assert page.get('/stop', **own).status == 404
     assert served.enabled
-    assert before == dict(served.controller.controller.settings.__getstate__())
+    assert served.staged == before
 
 
 def test_headers_keep_everything_at_home(page: Page) -> None:
@@ -121,7 +109,7 @@ def test_p21_garbage_kills_nothing(served: Served, page: Page) -> None:
 
 
 def test_three_changes_are_one_event_and_come_back(served: Served, page: Page) -> None:
-    settings = served.controller.controller.settings
+    settings = served.staged
     before = {n: getattr(settings, n) for n in ('controller_bandwidth', 'b0', 'inner_bandwidth')}
     served.told.clear()
     after = {'controller_bandwidth': 9, 'b0': 1.5, 'inner_bandwidth': 50.0}
@@ -133,7 +121,7 @@ def test_three_changes_are_one_event_and_come_back(served: Served, page: Page) -
     until(lambda: len(page.of('parameters')) == 2)
     assert page.of('parameters')[1]['values'] == before
     assert [len(told) for told in served.told] == [3, 3]
-    settings = served.controller.controller.settings
+    settings = served.staged
     assert {name: getattr(settings, name) for name in before} == before
     assert not page.ask('back')['ok']
 
@@ -142,8 +130,7 @@ def test_a_refused_value_has_the_reason_of_the_node(served: Served, page: Page) 
     assert page.ask('enable', hold=False)['ok']
     refused = page.ask('apply', values={'b0': -1.0, 'inner_bandwidth': 45.0})
     assert not refused['ok'] and refused['refused'] == 'b0' and 'b0' in refused['text']
-    assert served.controller.controller.settings.b0 == 1.0
-    assert served.controller.controller.settings.inner_bandwidth == 40.0
+    assert (served.staged.b0, served.staged.inner_bandwidth) == (1.0, 40.0)
     wrong: tuple[object, ...] = ({}, [], {'b0': {}}, {'b0': None}, {'nothing': 1.0}, {'b0': 'x'})
     for values in wrong:
         assert not page.ask('apply', values=values)['ok'], values
@@ -164,7 +151,7 @@ def test_the_saved_file_makes_the_same_controller(
         now = [node.get_parameter(name).value for node in (copy, served.controller)]
         assert now[0] == now[1] and (now[0] == value or list(now[0]) == value), name
     copy.destroy_node()
-    assert page.ask('back', to='start')['ok'] and served.controller.controller.settings.b0 == 1.0
+    assert page.ask('back', to='start')['ok'] and served.staged.b0 == 1.0
 
 
 def test_faults_come_and_go_and_a_gap_is_told(served: Served, page: Page) -> None:
@@ -191,15 +178,16 @@ def test_a_loop_that_gets_worse_goes_back_to_what_was_pinned(served: Served, pag
     assert page.ask('pin', **{'from': begin, 'to': begin + 1.0})['ok']
     for values in ({'outer_bandwidth': 28.0}, {'b0': 1.1}):
         assert page.ask('apply', values=values)['ok']
-    assert page.ask('swap')['ok'] and served.controller.controller.settings.b0 == 1.0
-    assert page.ask('swap')['ok'] and served.controller.controller.settings.b0 == 1.1
+    assert page.ask('swap')['ok'] and served.staged.b0 == 1.0
+    assert page.ask('swap')['ok'] and served.staged.b0 == 1.1
     assert page.ask('guard', on=True)['ok']
     assert page.ask('fault', name='gain', on=True, value=0.01)['ok']
     why = until(lambda: [e for e in page.of('event') if e['kind'] == 'guard'])[0]['text']
     assert why.endswith('back to the pinned parameters')
     running = served.controller.controller
     until(lambda: (running.settings.b0, running.settings.outer_bandwidth) == (1.0, 30.0))
-    assert not page.of('guard')[-1]['on'] and page.ask('fault', name='gain', on=False)['ok']
+    until(lambda: not page.of('guard')[-1]['on'])
+    assert page.ask('fault', name='gain', on=False)['ok']
     assert page.ask('unpin')['ok']
 
 
@@ -248,7 +236,6 @@ def test_p21_a_heartbeat_that_stops_disables(served: Served, page: Page) -> None
             return time.monotonic() - begin
 
     assert quickest(freeze, LAPSE) <= LAPSE
-    time.sleep(0.2)
     with page.beating():
         time.sleep(0.5)
         assert not served.enabled, 'a beat alone enables nothing'
@@ -273,37 +260,78 @@ def test_p21_a_page_that_is_closed_lets_go(served: Served, page: Page) -> None:
     again.close()
 
 
+def test_no_row_comes_twice_or_out_of_order(served: Served, page: Page) -> None:
+    begin = until(lambda: page.blocks)[-1][2][-1, 0]
+    until(lambda: page.blocks[-1][2][-1, 0] > begin + 2.0)
+    assert (np.diff(np.vstack([rows for *_, rows in page.blocks])[:, 0]) > 0.0).all()
+    assert [block[0] for block in page.blocks] == list(range(len(page.blocks)))
+
+
+class Stretch(NamedTuple):
+    """The last rows of a page by name, the recorder's from ``place`` on, and figures of both."""
+
+    time: Array
+    shown: dict[str, NDArray[np.float32]]
+    run: RecordedRun
+    place: int
+    figures: dict[str, float | None]
+    part: RecordedRun
+
+
+def stretch(served: Served, page: Page) -> Stretch | None:
+    """Return three seconds of page and recorder, None if the page has not all of them."""
+    begin = page.of('state')[-1]['t']
+    until(lambda: page.blocks and page.blocks[-1][2][-1, 0] > begin + 4.0)
+    blocks = [rows for _, flags, rows in page.blocks if not flags & THINNED]
+    times = np.concatenate([rows[:, 0] for rows in blocks])
+    first = int(np.searchsorted(times, begin + 1.0))
+    # no row lies at either end
+    start, end = (float(times[k - 1 : k + 1].mean()) for k in (first, len(times) - 1))
+    told = len(page.of('comparison'))
+    pinned = page.ask('pin', **{'from': start, 'to': end})
+    assert pinned['ok'], pinned
+    names = [each['name'] for each in page.hello['signals']]
+    # one that was found later has a column from then on
+    own = [rows[rows[:, 0] <= end] for rows in blocks if rows.shape[1] == 1 + len(names)]
+    if sum(map(len, own)) < LAST:
+        return None
+    rows = np.vstack(own)[-LAST:]
+    shown = {name: rows[:, 1 + i].astype(np.float32) for i, name in enumerate(names)}
+
+    def recorded() -> tuple[RecordedRun, int] | None:
+        run = read_run(Path(served.recorder._save()))
+        column = run.columns['measurement'].astype(np.float32)
+        places = np.flatnonzero(column == shown['measurement'][0])
+        return (run, int(places[0])) if places.size and run.time.size - places[0] > 200 else None
+
+    run, place = until(recorded)
+    offset = rows[0, 0] - run.time[place]
+    part = window(run, start - offset, end - offset)
+    if np.count_nonzero((times >= start) & (times <= end)) != part.time.size:
+        return None
+    until(lambda: len(page.of('comparison')) > told)
+    figures = page.of('comparison')[-1]['before']['figures']
+    return Stretch(rows[:, 0] - offset, shown, run, place, figures, part)
+
+
+# Nobody waits for a page: where its server stands still for long, samples do not reach it.
+@pytest.mark.realtime
 def test_rows_are_those_of_the_recorder_and_figures_those_of_its_report(
     served: Served, page: Page
 ) -> None:
     served.recorder._reset()
     assert page.ask('enable', hold=False)['ok']
-    begin = page.of('state')[-1]['t']
-    until(lambda: page.blocks and page.blocks[-1][2][-1, 0] > begin + 4.0)
-    end = float(page.blocks[-1][2][-2:, 0].mean())  # no row lies there
-    pinned = page.ask('pin', **{'from': begin + 1.0, 'to': end})
-    assert pinned['ok'], pinned
-    time.sleep(0.8)
-    folder = Path(served.recorder._save())
-    run = read_run(folder)
-    rows = np.vstack([rows for _, flags, rows in page.blocks if not flags & 1])
-    rows = rows[rows[:, 0] <= end]
-    names = [each['name'] for each in page.hello['signals']]
-    assert (np.diff(rows[:, 0]) > 0.0).all(), 'none twice, none out of order'
-    assert [block[0] for block in page.blocks] == list(range(len(page.blocks)))
-    measured = rows[-100:, 1 + names.index('measurement')].astype(np.float32)
-    place = int(np.flatnonzero(run.columns['measurement'].astype(np.float32) == measured[0])[0])
-    offset = rows[-100, 0] - run.time[place]
-    for name in names:
-        column = run.columns.get(name)
+    found = next(filter(None, (stretch(served, page) for _ in range(STRETCHES))), None)
+    assert found is not None, 'in no stretch all samples reached the page'
+    same = slice(found.place, found.place + LAST)
+    for name, shown in found.shown.items():
+        column = found.run.columns.get(name)
         if column is not None:
-            shown = rows[-100:, 1 + names.index(name)].astype(np.float32)
-            assert np.array_equal(shown, column[place : place + 100].astype(np.float32)), name
-    assert np.allclose(rows[-100:, 0] - offset, run.time[place : place + 100], atol=1e-4)
-    part = window(run, begin + 1.0 - offset, end - offset)
-    told = until(lambda: page.of('comparison'))[-1]['before']['figures']
-    for name, value in part.metrics.as_dict().items():
-        assert told[name] == (value if value is None else pytest.approx(value, rel=1e-4)), name
+            assert np.array_equal(shown, column[same].astype(np.float32)), name
+    assert np.allclose(found.time, found.run.time[same], atol=1e-4)
+    for name, value in found.part.metrics.as_dict().items():
+        near = value if value is None else pytest.approx(value, rel=1e-4)
+        assert found.figures[name] == near, name
 
 
 def test_ctrl_c_stops_what_is_held_and_ends(served: Served, page: Page) -> None:
@@ -317,47 +345,24 @@ def test_ctrl_c_stops_what_is_held_and_ends(served: Served, page: Page) -> None:
     assert process.own_lines[-1] == 'note: stopped'
 
 
-def test_a_port_that_is_taken_is_named() -> None:
-    with closing(socket.socket()) as taken:
-        taken.bind(('127.0.0.1', 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(UserError, match=f'port {port}: Address already in use; --port 0'):
-            serve(Asked(controller='/x', port=port), lambda address, name: None)
-
-
-@pytest.mark.parametrize('name', ['x y', '/a//b', '/9', 'a/', '~/x', '/é'])
-def test_what_is_no_name_of_a_node_is_refused(name: str) -> None:
-    with pytest.raises(UserError, match='not the name of a node, such as /arm/controller'):
-        node_names(Asked(controller=name))
-
-
-def test_a_server_can_be_for_reading_only(served: Served, tmp_path: Path) -> None:
-    settings = {'controller': 'controller', 'read_only': True}
-    monitor = Monitor(namespace=NAMESPACE, node_name='watching', parameters=settings)
-    told: list[Any] = []
-
-    async def write(message: str | bytes) -> None:
-        told.append(json.loads(message))
-
-    async def ask(*wanted: str) -> None:
-        session = Session(monitor)
-        requests = Requests(session, tmp_path)
-        client = session.enter(write, lambda: None)
-        for do in wanted:
-            requests.take(client, json.dumps({'id': do, 'do': do, 'values': {'b0': 2.0}}))
-        await asyncio.sleep(0.2)
-        session.close()
-
-    served.enable()
-    changing = ('stop', 'apply', 'enable', 'back', 'take_over', 'pin', 'swap', 'guard', 'fault')
-    asyncio.run(ask(*changing, 'report', 'save'))
-    monitor.destroy_node()
-    assert told[0]['read_only'] and not told[0]['operator'] and not told[0]['faults']
-    answers = {each['id']: each for each in told if each['type'] == 'answer'}
-    assert all('--read-only' in answers[do]['text'] for do in (*changing, 'report'))
-    assert '--read-only' not in answers['save']['text'] and served.enabled
-    served.enable(False)
+def test_p22_a_page_that_never_reads_costs_nothing(served: Served, page: Page) -> None:
+    assert page.ask('enable', hold=False)['ok']
+    missed, count = served.controller.ticker.missed, len(served.commands)
+    begin = time.monotonic()
+    name, _, port = page.host.partition(':')
+    with closing(socket.socket()) as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        deaf.connect((name, int(port)))
+        headers = {'Host': page.host, 'Origin': page.base, 'Cookie': page.cookie} | SOCKET
+        lines = ['GET /ws HTTP/1.1', *(f'{name}: {value}' for name, value in headers.items())]
+        deaf.sendall('\r\n'.join([*lines, '', '']).encode())
+        until(lambda: page.of('state')[-1]['clients'] == 2)
+        until(lambda: page.of('state')[-1]['clients'] == 1)  # it was given up
+    periods = RATE * (time.monotonic() - begin)
+    assert len(page.blocks) > 20
+    assert [block[0] for block in page.blocks] == list(range(len(page.blocks)))
+    sent = len(served.commands) - count + served.controller.ticker.missed - missed
+    assert sent >= 0.8 * periods and served.server.running
 
 
 def test_p22_a_server_that_stands_still_or_is_killed_costs_the_controller_nothing(
@@ -372,8 +377,8 @@ def test_p22_a_server_that_stands_still_or_is_killed_costs_the_controller_nothin
         time.sleep(1.0)
         periods = RATE * (time.monotonic() - begin)
         sent = len(served.commands) - count
-        assert sent + served.controller.ticker.missed - missed >= 0.8 * periods
         process.signal(signal.SIGCONT)
+        assert sent + served.controller.ticker.missed - missed >= 0.8 * periods
         assert page.ask('enable', hold=True)['ok']
         begin = process.signal(signal.SIGKILL)
         until(lambda: not served.enabled)

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import json
+from pathlib import Path
 import re
 import shutil
 from typing import Any
 
-from live_browser import Live, SAFE
+from live_browser import downloaded, freeze, hide, hold, Live, SAFE, take_back
+from live_loop import STAYS
+from nadrc_ros.records.read_run import read_run
+from nadrc_ros.records.recorded_run import window
+from nadrc_ros.report.canvas import WHITE
+from nadrc_ros.report.roles import COLOURS
 import numpy as np
+from PIL import Image, ImageColor
 from probe import Probe, Processes
 import pytest
 
@@ -19,7 +26,7 @@ pytestmark = pytest.mark.skipif(
     BROWSER is None, reason='NOT RUN: the live page needs chromium, which is not there'
 )
 RATE = 100.0
-TABS = ('tune', 'all', 'compare', 'log')
+TABS = ('tune', 'all', 'compare', 'log', 'faults')
 SLIDERS = ('controller_bandwidth', 'inner_bandwidth', 'outer_bandwidth')
 # The page's own view of something, from its modules.
 SAMPLES = """async () => {
@@ -27,7 +34,20 @@ SAMPLES = """async () => {
   const from = Math.max(begin, end - 100);
   return { time: [...time.slice(from, end)], y: [...columns.measurement.slice(from, end)] };
 }"""
-SENT = "async () => (await import('/static/link.js')).sent"
+NEWEST = "async () => (await import('/static/samples.js')).latest()"
+PIN = """async ([from, to]) => {
+  const { ask } = await import('/static/link.js');
+  return (await ask({ do: 'pin', from, to })).ok;
+}"""
+# The next comparison, and what the table has of it.
+COMPARED = """async () => {
+  const { on } = await import('/static/link.js');
+  const told = await new Promise((done) => on('comparison', (each) => setTimeout(done, 0, each)));
+  const rows = [...document.querySelectorAll('#figures tbody tr')];
+  const cells = rows.map((row) => [...row.querySelectorAll('td')].map((each) => each.textContent));
+  const names = Object.keys(told.before.figures);
+  return [told, Object.fromEntries(names.map((name, i) => [name, cells[i]]))];
+}"""
 DRAWN = """async () => {
   const { drawn } = await import('/static/plots.js');
   const [first] = drawn;
@@ -46,8 +66,9 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
         start(
             'controller', safe_command=SAFE, inner_bandwidth=20.0, outer_bandwidth=15.0, rate=RATE
         )
-        start('plant', rate=RATE)
-        start('reference', signal='sine', rate=RATE)
+        start('plant', rate=RATE, **STAYS)
+        start('reference', signal='square', frequency=1.0, rate=RATE)
+        start('recorder', directory=str(directory / 'runs'), rate=RATE)
         server = start.run(
             'server', '-m', 'nadrc_ros.cli', 'live', '--namespace', '/live_page', '--port', '0'
         )
@@ -201,49 +222,18 @@ def narrow(live: Live) -> Iterator[Any]:
     take_back(live)
 
 
-def take_back(live: Live) -> None:
-    if live.page.is_visible('#take'):
-        live.page.click('#take')
-    live.page.wait_for_selector('#take', state='hidden')
-
-
 def test_on_a_telephone_nothing_is_too_wide_and_a_tap_stops(live: Live, narrow: Any) -> None:
     live.run(narrow)
-    for tab in ('plots', *TABS, 'faults'):
+    for tab in ('plots', *TABS):
         narrow.tap(f'#tab-{tab}')
         assert narrow.evaluate('document.documentElement.scrollWidth <= innerWidth')
         box = narrow.locator('#stop').bounding_box()
         assert box['width'] == 400 and box['y'] + box['height'] == 850
+    narrow.tap('#tab-compare')
+    narrow.tap('#save')
+    narrow.wait_for_selector('#dialog[open]')
     narrow.tap('#stop')
     live.stopped()
-
-
-def hide(page: Any) -> None:
-    """Do what a browser does; a page of a headless Chromium is never hidden, nor frozen."""
-    page.evaluate(
-        """() => {
-          Object.defineProperty(document, 'visibilityState', { value: 'hidden', writable: true });
-          document.dispatchEvent(new Event('visibilitychange'));
-          document.visibilityState = 'visible';
-        }"""
-    )
-
-
-def freeze(page: Any) -> None:
-    """Let no line of the page's scripts run any more."""
-    session = page.context.new_cdp_session(page)
-    session.send('Debugger.enable')
-    session.send('Debugger.pause')
-
-
-def hold(live: Live, page: Any) -> None:
-    """Run by the heartbeat of a page; on a busy machine the first leases may run out."""
-    for _ in range(5):
-        live.run(page, hold=True)
-        live.probe.spin(0.7)  # more than a lease
-        if live.enabled():
-            return
-    pytest.fail('no lease lasted for 0.7 s')
 
 
 def test_p21_who_takes_over_has_the_loop_and_who_loses_the_page_loses_it(live: Live) -> None:
@@ -312,6 +302,59 @@ def test_a_silent_sensor_breaks_the_line_and_says_why(live: Live) -> None:
     inside = [x for x in drawn['x'] if widest[0] + 0.02 < x < widest[1] - 0.02]
     assert widest[1] - widest[0] > 0.3 and inside == []
     page.click('#pause')
+
+
+def test_what_is_saved_is_what_is_shown(live: Live) -> None:
+    live.until(lambda: live.page.evaluate(SAMPLES)['time'][0] > 0.0)
+    live.page.click('#pause')  # to what is there by now
+    live.page.click('#pause')
+    lines = downloaded(live.page, '#csv').read_text(encoding='utf-8').splitlines()
+    names, rows = lines[0].split(','), [line.split(',') for line in lines[1:]]
+    assert names[0] == 'time [s]' and {len(row) for row in rows} == {len(names)}
+    y = {row[0]: np.float32(row[names.index('measurement')] or 'nan') for row in rows}
+    shown = live.page.evaluate(SAMPLES)
+    known = {f'{t:.6f}': np.float32(v) for t, v in zip(shown['time'], shown['y'])}
+    both = known.keys() & y.keys()
+    saved, drawn = [y[t] for t in both], [known[t] for t in both]
+    assert len(both) > 20 and np.array_equal(saved, drawn, equal_nan=True)
+    picture = Image.open(downloaded(live.page, '#png')).convert('RGB')
+    assert picture.width > 400 and picture.height > 600
+    assert {ImageColor.getrgb(each) for each in (COLOURS[0], WHITE)} <= {
+        color for _, color in picture.getcolors(1 << 24) or []
+    }
+
+
+@pytest.mark.realtime
+def test_the_table_has_the_figures_of_the_report(live: Live) -> None:
+    page = live.page
+    live.run()
+    page.click('#tab-compare')
+    live.until(lambda: page.evaluate(NEWEST) > 0.0)
+    begin = page.evaluate(NEWEST)
+    live.until(lambda: page.evaluate(NEWEST) > begin + 2.0)
+    assert page.evaluate(PIN, [begin + 1.005, begin + 2.005])  # between rows
+    page.locator('#comparable', has_text='Over the same stretch').wait_for()
+    told, cells = page.evaluate(COMPARED)
+    shown = page.evaluate(SAMPLES)
+    folder = Path(live.probe.trigger('recorder/save').message)
+    live.until(lambda: read_run(folder).columns['measurement'].size > 300)
+    page.click('#report')
+    page.wait_for_selector('#dialog a', timeout=120_000)  # as long as a report may take
+    with page.context.expect_page() as opened:
+        page.click('#dialog a')
+    opened.value.locator('h1').first.wait_for()
+    opened.value.close()
+    run = read_run(folder)
+    measured = run.columns['measurement'].astype(np.float32)
+    place = int(np.flatnonzero(measured == np.float32(shown['y'][0]))[0])
+    offset = shown['time'][0] - run.time[place]
+    for column, part in enumerate(('before', 'after')):
+        stretch = window(run, told[part]['from'] - offset, told[part]['to'] - offset)
+        for name, value in stretch.metrics.as_dict().items():
+            cell = cells[name][column].replace('−', '-')
+            assert (
+                (cell == '–') if value is None else float(cell) == pytest.approx(value, rel=5.1e-4)
+            ), (name, part)
 
 
 def test_markup_in_names_and_lines_is_shown_as_text(live: Live) -> None:

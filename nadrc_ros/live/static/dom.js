@@ -86,7 +86,7 @@ let opener = null;
 export function show_dialog(title, ...content) {
   opener = document.activeElement;
   find('#dialog-title').textContent = title;
-  find('#dialog-body').replaceChildren(...content);
+  find('#dialog-body').replaceChildren(...content.filter(Boolean));
   find('#dialog').show();
   find('#dialog-title').focus();
 }

@@ -9,6 +9,7 @@ const WORDS = { off: 'disabled', 'in control': 'in control', '': 'unknown' };
 let hello = null;
 let state = null;
 let stopped_at = null;
+let control = 'Another page has control'; // or why none has
 let ran = false; // the loop was enabled since Run was pressed with hold
 
 function warn(text, take = false) {
@@ -19,25 +20,27 @@ function warn(text, take = false) {
 
 function show_control() {
   if (!hello) return;
-  const mine = hello.operator && !hello.read_only;
+  const mine = hello.operator && !hello.read_only && !state?.commissioned;
   for (const set of document.querySelectorAll('fieldset.owned')) set.disabled = !mine;
   for (const id of ['run', 'hold', 'undo']) find(`#${id}`).disabled = !mine || !hello.node;
   document.body.classList.toggle('watching', !mine);
   find('#stop').disabled = hello.read_only;
-  if (!hello.node) warn('No controller was found yet. Is it running, in this namespace and ROS domain?');
+  if (!hello.node) warn(state?.text ?? 'waiting for the controller');
   else if (hello.read_only) warn('Read only: this page shows, and changes nothing; it cannot stop the loop either.');
-  else if (!mine) warn('Another page has control. You watch; STOP works from here too.', true);
+  else if (state?.commissioned) warn(`${state.commissioned}: this page watches. STOP ends it.`);
+  else if (!mine) warn(`${control}. You watch; STOP works from here too.`, true);
   else warn('');
 }
 
 function show_state() {
   const stale = state.level === 'stale';
   const name = state_of(state);
-  const word = stale ? 'not heard' : WORDS[name] ?? name;
+  const word = stale ? 'not heard' : state.experiment ? 'experiment' : WORDS[name] ?? name;
   const since = state.age === null ? '' : `for ${brief(state.age, 2)} s; last: `;
-  const why = stale ? since + state.text : state.text;
+  const why = (stale ? since + state.text : state.experiment || state.text)
+    .replace(/^(in control|holding|silent|going to the safe command|at the safe command)(: |; |$)/, '');
   tell(find('#word'), word);
-  tell(find('#why'), why.replace(/^(in control|holding|silent|going to the safe command|at the safe command)(: |; |$)/, ''));
+  tell(find('#why'), why === word ? '' : why);
   find('#state').title = state.text;
   find('#state').dataset.state = stale ? 'lost' : name.replace(' ', '-') || 'lost';
   tell(find('#rate'), state.rate === null ? '–' : `${brief(state.rate, 3)} Hz${state.nominal && Math.abs(state.rate / state.nominal - 1) > 0.02 ? ` of ${brief(state.nominal, 3)}` : ''}`);
@@ -50,7 +53,7 @@ function show_state() {
 
 function check_stop() {
   if (stopped_at === null || state.t === undefined) return;
-  if (state.enabled === false) { stopped_at = null; show_control(); return; }
+  if (state.enabled === false && !state.experiment && state.level !== 'stale') { stopped_at = null; show_control(); return; }
   if (performance.now() - stopped_at > ANSWER_WITHIN) warn('STOP was sent, and the controller does not say that it is disabled: use the emergency stop.');
 }
 
@@ -91,7 +94,9 @@ on('hello', (message) => {
   show_control();
 });
 on('state', (message) => {
+  const before = state;
   state = message;
+  if (before?.commissioned !== state.commissioned || (!hello?.node && before?.text !== state.text)) show_control();
   ran ||= holding() && state.enabled === true;
   if (ran && state.enabled === false) { ran = false; release('the loop was disabled'); }
   show_state();
@@ -99,6 +104,7 @@ on('state', (message) => {
 });
 on('operator', (message) => {
   if (hello) hello.operator = message.operator;
+  control = message.text;
   if (!message.operator) release('another page has control');
   show_control();
   say(message.text);

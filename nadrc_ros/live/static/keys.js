@@ -82,8 +82,9 @@ function press(event) {
     event.preventDefault();
     return;
   }
-  if (target.matches('input:not([type=checkbox]), select, textarea')) return;
-  const arrow = { ArrowLeft: -1, ArrowRight: 1 }[key];
+  const slider = target.matches('[type=range]'); // which takes arrows, and no letters
+  if (target.matches('input:not([type=checkbox]), select, textarea') && !slider) return;
+  const arrow = !slider && { ArrowLeft: -1, ArrowRight: 1 }[key];
   if (arrow) {
     event.preventDefault();
     if (event.shiftKey) move(arrow / 4); else step(arrow);

@@ -113,9 +113,9 @@ export async function back(to) {
   changed();
 }
 
-function change_text(values) {
+function change_text(values, before) {
   return Object.entries(values).map(([name, value]) => {
-    const old = known.get(name)?.value;
+    const old = before[name];
     return old === undefined || same(old, value) ? `${name} = ${typed(value)}`
       : `${name} ${typed(old)} → ${typed(value)}`;
   }).join(', ');
@@ -130,9 +130,10 @@ on('hello', (hello) => {
   changed(true);
   predict_soon();
 });
+on('event', ({ kind, node: source }) => { if (kind === 'started' && source === 'page') drop(); });
 on('parameters', (message) => {
   const { values } = message;
-  message.text = change_text(values); // for those who come later
+  message.text = change_text(values, message.before); // for those who come later
   for (const [name, value] of Object.entries(values)) {
     if (known.has(name)) known.get(name).value = value;
     if (pending.has(name) && same(pending.get(name), value)) pending.delete(name);

@@ -197,9 +197,10 @@ function nearest(at) {
 }
 
 function read_out(shown) {
-  const at = cursor ?? shown[1];
+  const seen = cursor !== null && cursor >= shown[0] && cursor <= shown[1];
+  const at = seen ? cursor : shown[1];
   const row = end > begin ? nearest(at) : -1;
-  const there = row >= 0 && Math.abs(time[row] - at) < (cursor === null ? 1 : 0.1);
+  const there = row >= 0 && Math.abs(time[row] - at) < (seen ? 0.1 : 1);
   for (const plot of drawn) {
     for (const { name, value } of plot.lines) {
       if (!value) continue;
@@ -210,14 +211,14 @@ function read_out(shown) {
     if (!plot.timed) continue;
     const box = plot.view.frame.bbox;
     const share = (cursor - shown[0]) / (shown[1] - shown[0]);
-    plot.cursor.hidden = cursor === null || share < 0 || share > 1;
+    plot.cursor.hidden = !seen;
     const at_px = { left: box.left + share * box.width, top: box.top, height: box.height };
     for (const [side, px] of Object.entries(at_px)) plot.cursor.style[side] = `${px}px`;
   }
-  find('#moment').textContent = cursor === null ? '' : `t = ${cursor.toFixed(3)} s`;
+  find('#moment').textContent = seen ? `t = ${cursor.toFixed(3)} s` : '';
   const near = 0.01 * (shown[1] - shown[0]);
-  const changes = cursor === null ? [] : marks.filter((mark) => Math.abs(mark.time - cursor) < near).map(({ number, text }) => `${number}: ${text}`);
-  const cut = thinned_until > shown[0] && cursor === null ? ['Thinned: lowest and highest value of each stretch.'] : [];
+  const changes = !seen ? [] : marks.filter((mark) => Math.abs(mark.time - cursor) < near).map(({ number, text }) => `${number}: ${text}`);
+  const cut = thinned_until > shown[0] && !seen ? ['Thinned: lowest and highest value of each stretch.'] : [];
   find('#said').textContent = [...said(at - 1e-6), ...changes, ...cut].join('; ');
 }
 

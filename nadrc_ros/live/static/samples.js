@@ -77,7 +77,7 @@ function take(buffer) {
   const broken = flags & 6; // dropped blocks, or a gap before the first row
   if (broken && end > begin && rows) {
     const row = room();
-    time[row] = t0 + values[0];
+    time[row] = (time[row - 1] + t0 + values[0]) / 2;
     for (const column of Object.values(columns)) column[row] = NaN;
   }
   for (let i = 0; i < rows; i++) {
@@ -94,7 +94,8 @@ function take(buffer) {
 }
 
 /** The name of a state, as the report colors it. */
-export function state_of({ mode, cause, enabled }) {
+export function state_of({ mode, cause, enabled, experiment }) {
+  if (experiment) return 'ramping'; // it is disabled, and moves
   if (enabled === false || cause === 'disabled') return 'off';
   return { ok: 'in control', holding: 'holding', ramping: 'ramping', safe: 'safe' }[mode] ?? '';
 }
