@@ -1,4 +1,4 @@
-"""What a figure writes, and where: to see that it is text, and that no label covers another."""
+"""What a figure writes, and where: that it is text, and that neither label nor line covers it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from typing import Any
 from unittest.mock import patch
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cbook import STEP_LOOKUP_MAP
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from matplotlib.text import Text
+import numpy as np
 
 # Boxes of texts may touch: they are as high as the font, whatever is written [px].
 _TOUCH = 1.0
@@ -32,7 +35,7 @@ def drawn(figure: Figure) -> list[tuple[str, Any]]:
 
 
 def flaws(figure: Figure) -> list[str]:
-    """Return what is wrong with the texts: markup, on top of another, or cut off."""
+    """Return what is wrong with the texts: markup, on top of another, under a line, cut off."""
     texts = drawn(figure)
     wrong = [f'markup: {text}' for text, _ in texts if '$' in text or '\\' in text]
     width, height = figure.bbox.width, figure.bbox.height
@@ -46,4 +49,18 @@ def flaws(figure: Figure) -> list[str]:
         up = min(box.y1, second.y1) - max(box.y0, second.y0)
         if across > _TOUCH and up > _TOUCH:
             wrong.append(f'{one} covers {other} by {across:.0f} x {up:.0f} px')
-    return wrong
+    return wrong + _crossed(figure)
+
+
+def _crossed(figure: Figure) -> list[str]:
+    """Return the texts of legends that lines of their panel run through."""
+    found = []
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        for text in legend.get_texts() if legend else ():
+            for line in axes.get_lines():
+                corners = STEP_LOOKUP_MAP[line.get_drawstyle()](*line.get_data(orig=False))
+                path = Path(np.column_stack(corners)).transformed(line.get_transform())
+                if len(path) and path.intersects_bbox(text.get_window_extent(), filled=False):
+                    found.append(f'{text.get_text()} is crossed by line {line.get_label()}')
+    return found

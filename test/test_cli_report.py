@@ -65,8 +65,8 @@ def test_a_page_has_the_figures_to_the_digits_and_every_section(tmp_path: Path) 
     assert 'All parameters are printed only if they are open' in page.words()
     for text in ('inner_bandwidth', '55.5', str(2**63 - 1)):
         assert text in page.text
-    assert 'Bandwidths: A controller 4 rad/s; B level 2 30 rad/s;' in page.words()
-    assert 'level 1 55.5 rad/s' in page.words()
+    assert 'Bandwidths: A controller at 4 rad/s; B level 2 at 30 rad/s;' in page.words()
+    assert 'level 1 at 55.5 rad/s from 1.5 s' in page.words()
     for name in ('reference', 'output', 'measurement', 'error', 'command', 'truth', 'estimate'):
         assert len(page.lines(name)) == 1, name
     assert page.data['timed'] == [True] * 5 + [False] * 3
@@ -280,7 +280,8 @@ def test_runs_of_different_length_and_rate_are_compared(tmp_path: Path) -> None:
     page = report(first, second)
     assert 'one and two compared' in page.text
     assert '2 runs of different length or rate on the plant paper.' in page.words()
-    assert 'The runs differ in length, and integrals grow with it: ' in page.words()
+    assert 'One parameter was changed during the run.' in page.words()  # thrice
+    assert 'Their integrals cover different times. Lowest RMSE: ' in page.words()
     assert [len(page.lines(name)) for name in ('output', 'measurement', 'miss')] == [2, 2, 2]
     assert '<b><span' not in page.source  # no winner: integrals grow with the length
     assert re.search('Those in which the runs differ.*structure', page.text, re.DOTALL)

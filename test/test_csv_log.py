@@ -42,6 +42,7 @@ def test_columns_of_usual_names_are_found_and_told(tmp_path: Path) -> None:
     assert run.columns['measurement'].tolist() == [2.5, 2.75]
     assert run.columns['command'].tolist() == [3.0, 4.0]
     assert run.columns['reference'].tolist() == [1.0, 1.0]
+    assert (run.unit('measurement'), run.unit('command')) == ('rpm', '')
     assert run.told == (
         'semicolons between cells, decimal commas, UTF-8; time Zeit [ms] (guessed by its '
         'name, in ms, 0.01 s a row), command /motor/pwm (guessed by its name), reference '

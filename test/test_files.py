@@ -6,6 +6,7 @@ from math import nan
 import os
 from pathlib import Path
 import re
+from typing import Any
 
 import attrs
 from bench.identify import record
@@ -19,9 +20,11 @@ from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.theory.margins import Margins
 import pytest
 from test_identify import LAG
+from typer.main import get_command
 from typer.testing import CliRunner
 
 PACKAGE = Path(__file__).resolve().parents[1] / 'nadrc_ros'
+WRITING = {'--out', '--json', '--plot', '--page', '--table', '--write'}
 SCENARIO = """
 plant: paper
 reference: cosine
@@ -60,6 +63,14 @@ def test_every_kind_of_document_and_of_event_is_on_the_page() -> None:
     (row,) = re.findall(r'^\| `kind` \|.*', PAGE, re.MULTILINE)
     events = {kind for text in sources for kind in re.findall(r"events\.tell\('(\w+)'", text)}
     assert {'mode', 'fault'} <= events <= set(re.findall(r'`(\w+)`', row))
+
+
+def test_every_command_that_writes_is_on_the_page_with_its_options() -> None:
+    root: Any = get_command(app)
+    for name, command in root.commands.items():
+        told = {option for each in command.params for option in each.opts} & WRITING
+        row = re.search(rf'^\| `nadrc {name}` \|.*', PAGE, re.MULTILINE)
+        assert {option for option in told if not row or f'`{option}`' not in row[0]} == set(), name
 
 
 def test_simulate(scenario: Path, tmp_path: Path) -> None:

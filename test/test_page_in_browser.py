@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import unescape
 import json
 from pathlib import Path
@@ -40,9 +41,9 @@ addEventListener('message', ({{ data }}) => {{ result.textContent = data; }});
 LOOK = Path(__file__).with_name('data') / 'look.js'
 
 
-def seen(run: Path, folder: Path, width: int, dark: bool) -> dict[str, Any]:
-    """Return what a script sees that looks at the page of a run."""
-    text = page(read_runs([run]))
+def seen(runs: Sequence[Path], folder: Path, width: int, dark: bool) -> dict[str, Any]:
+    """Return what a script sees that looks at the page of these runs."""
+    text = page(read_runs(runs))
     look = f'<script>{LOOK.read_text(encoding="utf-8")}</script></body>'
     text = text.replace('<head>', f'<head>{LISTEN}', 1).replace('</body>', look, 1)
     (folder / 'page.html').write_text(text, encoding='utf-8')
@@ -73,7 +74,7 @@ def test_a_page_shows_the_samples_recorded_and_all_of_it_can_be_read(
     run = record(tmp_path)
     describe(run, '/mine', b0=2.0)
     append_parameters(run, 1.25, '/mine/controller', {'inner_bandwidth': 55.5})
-    found = seen(run, tmp_path, width, dark)
+    found = seen([run], tmp_path, width, dark)
     assert found['ready'] == 'yes' and found['said'] == []
     assert found['width'] == width and found['overflow'] <= 0
     # one moment, in all plots
@@ -100,5 +101,15 @@ def test_a_page_shows_the_samples_recorded_and_all_of_it_can_be_read(
     assert found['hidden'] == 1
     assert found['printed'] == [1000] * 8  # whatever the width of the window
     assert found['dark'] == ('#16191d' if dark else '#ffffff')
-    assert found['texts'] > 60
+    assert found['texts'] > 120
+    assert found['faint'] == [] and found['covered'] == []
+
+
+def test_the_page_of_nine_runs_can_be_read_on_a_telephone(tmp_path: Path) -> None:
+    runs = [record(tmp_path / str(k), count=100, seed=k) for k in range(9)]
+    for k, run in enumerate(runs):
+        describe(run, f'/a_longer_name_{k}', inner_bandwidth=20.0 + k)
+    found = seen(runs, tmp_path, 400, dark=False)
+    assert found['ready'] == 'yes' and found['said'] == [] and found['overflow'] <= 0
+    assert found['texts'] > 500
     assert found['faint'] == [] and found['covered'] == []

@@ -115,12 +115,13 @@ def test_a_front_can_be_read(width: float, size: int) -> None:
     share = np.linspace(0.0, 1.0, size)
     efforts, values = 400.0 * (1.0 + width) ** share, 7.0 * 0.1**share
     found = [tuned('one', efforts, values, size // 2), tuned('two', efforts, 1.5 * values, 0)]
+    found.append(tuned('three', 400.0 * (1.0 + width) ** np.array([0.0, 1.0]), (9.0, 0.7), 0))
     figure = front.draw(found, 'a title', TuneSettings(), Units(output='rad'))
     assert flaws(figure) == []
     (axes,) = figure.axes
-    assert ('its whole width is' in axes.get_xlabel()) == (width < 0.1 and size > 1)
+    assert ('its whole width is' in axes.get_xlabel()) == (width < 0.1)
     numbers = {text.get_text() for text in axes.texts}
-    assert {str(size // 2 + 1), '1'} <= numbers <= {str(i + 1) for i in range(size)}
+    assert {str(size // 2 + 1), '1'} <= numbers <= {str(i + 1) for i in range(max(size, 2))}
     _, labels = axes.get_legend_handles_labels()
     assert figure.axes[0].get_ylabel().startswith('ITAE [rad·s²]')
     assert labels[0] == f'one: point {size // 2 + 1}, least objective, no knee'
@@ -149,10 +150,13 @@ def test_flaws_are_found() -> None:
     figure.text(0.5, 0.5, 'here')
     figure.text(0.51, 0.5, 'and here')
     figure.text(0.99, 0.1, 'out of it')
+    axes.step([0.0, 1.0], [1e-3, 1e-3], label='one')
+    axes.legend(loc='center')
     found = flaws(figure)
     assert any(flaw.startswith('markup: $\\mathdefault') for flaw in found)
     assert 'cut off: out of it' in found
     assert any(flaw.startswith('here covers and here') for flaw in found)
+    assert 'one is crossed by line one' in found
 
 
 @pytest.mark.parametrize('name', pictures.NAMES)

@@ -13,6 +13,7 @@ from bag_helpers import write_bag
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.atomic import write_json
 from nadrc_ros.records.figures import summarise
+from nadrc_ros.records.history import append_parameters
 from nadrc_ros.records.read_run import read_run, read_runs
 from nadrc_ros.records.recording import RunFolder, RunSettings
 from nadrc_ros.records.source import Source
@@ -121,6 +122,18 @@ def test_a_folder_has_the_rate_of_its_measurements(tmp_path: Path) -> None:
         found = summarise(folder.path)
         assert found['metrics']['iae'] == pytest.approx(150.0 * period)
         assert (found['rows'], found['gap_time']) == (340, 0.0)
+
+
+def test_a_folder_has_the_rate_that_its_plant_was_asked_for(tmp_path: Path) -> None:
+    """Its times alone may tell another: timers of a busy machine drift."""
+    folder = RunFolder(tmp_path, ('time', 'reference', 'measurement', 'command'), RunSettings())
+    for k in range(300):
+        folder.write([k / 200.6, 1.0, 0.5, 2.0])
+    folder.close()
+    append_parameters(folder.path, None, '/plant', {'plant': 'paper', 'noise_variance': 0.0})
+    assert read_run(folder.path).rate == pytest.approx(200.6)
+    append_parameters(folder.path, None, '/plant', {'rate': 200.0})
+    assert read_run(folder.path).rate == 200.0
 
 
 def test_the_rate_of_a_bag_is_right_with_jitter_and_lost_measurements(tmp_path: Path) -> None:

@@ -240,3 +240,31 @@ def test_of_a_part_of_a_run_the_figures_count_from_its_begin(tmp_path: Path) -> 
     assert subject.gains[1][1] == (1.0, 4.0)  # what held there is known all the same
     with pytest.raises(UserError, match='no row from 9 to'):
         read_runs([run], begin=9.0)
+
+
+@pytest.mark.parametrize(
+    ('values', 'texts', 'best'),
+    [
+        ([21.507, 2.031, 0.3813], '21.51 2.03 0.38', [2]),
+        ([21.5, 0.03812, 0.03814], '21.50000 0.03812 0.03814', [1]),
+        ([166.1, 178.3, 178.3000001], '166 178 178', [0]),
+        ([178.3, 178.3000001, 200.0], '178 178 200', [0, 1]),
+        ([178.3, 178.3000001], '178.3 178.3', []),
+        ([1e9, 0.381, 0.382, nan], '1.00e9 0.3810 0.3820 –', [1]),
+        ([7.443e-5], '7.443e-5', []),
+        ([1e300, 3e300], '1.00e300 3.00e300', [0]),
+        ([1.0, 1e-17], '1.00 1.000e-17', [1]),
+        ([0.0, 0.0], '0 0', []),
+    ],
+)
+def test_figures_differ_in_what_is_shown_or_share_the_win(
+    values: list[float], texts: str, best: list[int]
+) -> None:
+    found = tables.shown_together('itae', values, plain=True)
+    assert found == texts.split()
+    assert [k for k, wins in enumerate(tables.winners(found, values)) if wins] == best
+
+
+def test_shares_of_the_time_that_differ_read_differently() -> None:
+    shown = tables.shown_together('saturated_fraction', [0.0, 0.0, 0.0003])
+    assert shown == ['0.000 %', '0.000 %', '0.030 %']

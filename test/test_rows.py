@@ -228,6 +228,22 @@ def test_a_stream_that_ended_before_the_others_leaves_a_gap_up_to_the_end(
     assert found.values().duration == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize(('kind', 'told'), [('moves', 1), ('constant', 0), ('seldom', 0)])
+def test_a_reference_that_moved_on_unheard_leaves_a_gap(kind: str, told: int) -> None:
+    rows = Rows(list(NAMES))
+    for name, time, value in in_order(loop(range(0, 2000, 5))):
+        at = round((time - START) / MS)
+        if name == 'reference':
+            if 1000 < at < 1120 or (kind == 'seldom' and at % 25 > 4):
+                continue
+            value = 1.0 if kind == 'constant' else value
+        rows.take(name, time, value)
+    made = rows.close(rows.newest)
+    assert [gap.signal for gap in rows.gaps] == ['reference'] * told
+    held = [row.values['reference'] for row in made if 1.005 < row.time < 1.115]
+    assert len(set(held)) == 1  # nobody told another one
+
+
 def test_what_is_lost_counts_up_to_the_end_of_the_duration() -> None:
     """A recorder without a processor looks only long after that."""
     lost = {400: 2, 1500: 500, 1700: 40}  # before 400 ms, from 990 to 1500 ms, to 1700 ms

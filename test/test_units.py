@@ -11,8 +11,10 @@ from nadrc_ros.demo.loop_parameters import node_parameters
 from nadrc_ros.nodes.recorder_settings import unit_fields
 from nadrc_ros.records.history import ABOUT
 from nadrc_ros.records.read_run import read_runs
+from nadrc_ros.records.source import Source
 from nadrc_ros.report.page import page
 from nadrc_ros.scenario import dump, loads
+from nadrc_ros.scenario.parameter_files import parameter_text
 from nadrc_ros.scenario.units import Units
 from page_helpers import unpacked
 import pytest
@@ -31,6 +33,11 @@ def test_a_scenario_has_units_which_its_recorders_are_told(tmp_path: Path) -> No
         'units.output': 'rad',
         'units.command': '%',
     }
+
+
+@pytest.mark.parametrize('unit', ['N', 'n', 'y', 'Y'])
+def test_a_unit_that_ros_would_take_for_a_truth_value_is_quoted(unit: str) -> None:
+    assert f"'{unit}'" in parameter_text({'/recorder': {'units.command': unit}})
 
 
 @pytest.mark.parametrize(
@@ -75,3 +82,17 @@ def test_units_of_a_record_are_on_every_axis_and_in_the_table(told: Any, tmp_pat
         assert (json.dumps(label)[1:-1] in drawn) == good, label
     for label in ('ITAE [rad·s²]', 'max |u| [V]', '<span class="unit">rad</span>'):
         assert (label in text) == good, label
+
+
+def test_units_in_the_headings_of_a_csv_file_are_those_of_its_run(tmp_path: Path) -> None:
+    log = tmp_path / 'log.csv'
+    rows = ''.join(f'{k / 100},{k},{-k},1\n' for k in range(9))
+    log.write_text(f't [s],angle [rad],torque (N m),r [rad]\n{rows}')
+    (run,) = read_runs(
+        [log], Source(signals={'measurement': 'angle', 'command': 'torque'})
+    ).values()
+    assert run.units == Units(output='rad', command='N m')
+    assert 'ISU [(N m)²·s]' in page({'log': run})
+    log.write_text(f't,y [the one that was filtered],u,r\n{rows}')
+    (run,) = read_runs([log]).values()
+    assert run.units == Units()

@@ -31,9 +31,13 @@ _USUAL_NAMES = {
 }
 
 
-def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], float, str]:
+def read_csv_log(
+    path: Path, source: Source
+) -> tuple[dict[str, Array], float, str, dict[str, str]]:
     """
-    Return the signals of a file on the times of its measurements, its end, how it was understood.
+    Return the signals of a file on the times of its measurements, its end, and what it told.
+
+    That is how it was understood, and the units of ``output`` and ``command`` in its headings.
 
     A row of the file has a measurement and the command that was sent in reply; cells may be empty,
     as where each signal has rows of its own. See :func:`rows_of`.
@@ -66,7 +70,11 @@ def read_csv_log(path: Path, source: Source) -> tuple[dict[str, Array], float, s
         if signal not in stamps:
             raise RecordingError(f'column {columns[signal]} has no numbers in it')
     told = _told(file, series, {'time': time, **columns}, given, source.time_unit)
-    return *rows_of(stamps, values), told
+    units = {
+        name: file.unit_in_brackets(columns[signal])
+        for name, signal in (('output', 'measurement'), ('command', 'command'))
+    }
+    return *rows_of(stamps, values), told, units
 
 
 def _given(source: Source) -> dict[str, str]:

@@ -96,14 +96,19 @@ class History:
         """
         return self._steps(_PLANT_HAS, _plant_b0)
 
+    def plant_rate(self) -> float:
+        """Return how many measurements per second the simulated plant sends [Hz], 0 if untold."""
+        rate = self._plant().get('rate')
+        return rate if isinstance(rate, float) and isfinite(rate) and rate > 0.0 else 0.0
+
     def plant_delay(self) -> tuple[float, float]:
         """Return the dead time of the simulated plant [s], and the command that acted first."""
-        for values in self.parameters.values():
-            if values.keys() >= _PLANT_HAS:
-                return float(values.get('input_delay', 0.0)), float(
-                    values.get('safe_command', 0.0)
-                )
-        return 0.0, 0.0
+        plant = self._plant()
+        return float(plant.get('input_delay', 0.0)), float(plant.get('safe_command', 0.0))
+
+    def _plant(self) -> Values:
+        """Return the first parameters of the simulated plant, none where there is none."""
+        return next((v for v in self.parameters.values() if v.keys() >= _PLANT_HAS), {})
 
     def _steps(self, marks: set[str], make: Callable[[Mapping[str, Any]], T | None]) -> Steps[T]:
         """Return what is made of the parameters of the node that has the marks, from each time."""

@@ -75,7 +75,7 @@ def read_run(path: Path, source: Source = _OWN_NAMES) -> RecordedRun:
         For a file that cannot be read.
 
     """
-    figures, summary, told = None, {}, ''
+    figures, summary, told, history = None, {}, '', read_history(path)
     if (path / SAMPLES).is_file():
         if source != _OWN_NAMES:
             raise RecordingError(
@@ -87,7 +87,7 @@ def read_run(path: Path, source: Source = _OWN_NAMES) -> RecordedRun:
     elif path.exists() and is_bag(path):
         columns, stop = read_bag(path, source)
     elif path.is_file():
-        columns, stop, told = read_csv_log(path, source)
+        columns, stop, told, history.about['units'] = read_csv_log(path, source)
     elif path.exists():
         raise RecordingError(
             f'neither a folder with {SAMPLES} nor a rosbag2 bag (.db3, .mcap) nor a CSV file'
@@ -97,13 +97,15 @@ def read_run(path: Path, source: Source = _OWN_NAMES) -> RecordedRun:
     columns.setdefault('reference', np.full(len(columns['time']), np.nan))
     return RecordedRun(
         path=path,
-        rate=(figures.rate if figures else 0.0) or _rate(_measured(columns)),
+        rate=(figures.rate if figures else 0.0)
+        or history.plant_rate()
+        or _rate(_measured(columns)),
         stop=max(stop, float(columns['time'][-1])),
         columns=columns,
         summary=summary,
         told=told,
         figures=figures,
-        history=read_history(path),
+        history=history,
     )
 
 

@@ -41,7 +41,7 @@ class RecordedRun:
     path
         Where it was read from.
     rate
-        Measurements per second [Hz]: the nominal rate, for a bag the one of its receipt times.
+        Measurements per second [Hz]: the nominal rate, where nobody told it that of their times.
     columns
         By the names of ``samples.csv``: ``time`` [s], ``reference``, ``measurement``, ``command``
         always, others if they were recorded. A measurement that was lost leaves a gap in ``time``

@@ -148,7 +148,8 @@ class Rows:
     late
         How many measurements came after the rows of their time were made: they have none.
     gaps
-        Where a stream that came regularly did not, found as rows are closed.
+        Where a stream that came regularly did not, found as rows are closed; of a reference where
+        it moved on meanwhile.
 
     """
 
@@ -225,7 +226,8 @@ class Rows:
         if self._instants:
             rows.append(self._row(self._instants.pop(), inf))
         for name, track in self._tracks.items():
-            self.gaps += track.silence(int(self.stop), name)
+            if name != _REFERENCE:
+                self.gaps += track.silence(int(self.stop), name)
         return rows
 
     def _close(self, until: int, wait: float) -> list[Row]:
@@ -234,7 +236,8 @@ class Rows:
         self._over = self._over or until >= self._limit
         until = int(min(until, self._limit))
         for name, track in self._tracks.items():
-            self.gaps += track.settle(until, name)
+            found = track.settle(until, name)
+            self.gaps += [gap for gap in found if name != _REFERENCE or self._went_on(track, gap)]
         self._find_instants(until - int(wait * self._due()) if _OUTPUT in self._tracks else until)
         if self.begin is None and not self._start():
             self._forget()
@@ -334,20 +337,31 @@ class Rows:
 
     def _between(self, track: Track, place: int, time: int) -> float:
         """Return a reference at ``time``, on the line to the next sample where it moves."""
-        value, usual = track.values[place], self._spacing.usual
-        if not 1 <= place < len(track.times) - 1:
+        value = track.values[place]
+        if not self._moves(track, place, self._spacing.usual):
             return value
         span = track.times[place + 1] - track.times[place]
-        following = track.values[place + 1]
-        # After a value that is held the next one is a step: on a line it would come too early.
-        moves = value != track.values[place - 1] and isfinite(following)
-        if (
-            not moves
-            or track.spacing.usual > _SLOWEST_MOVING * usual
-            or span > GAP_SPACINGS * usual
-        ):
+        if span > GAP_SPACINGS * self._spacing.usual:
             return value
+        following = track.values[place + 1]
         return value + short(following - value, self.period) * (time - track.times[place]) / span
+
+    def _moves(self, track: Track, place: int, usual: float) -> bool:
+        """Tell whether a reference moves at a sample, and comes about as often as rows do."""
+        if not 1 <= place < len(track.times) - 1:
+            return False
+        before, value, following = track.values[place - 1 : place + 2]
+        # After a value that is held the next one is a step: on a line it would come too early.
+        moves = value != before and isfinite(following)
+        return moves and track.spacing.usual <= _SLOWEST_MOVING * usual
+
+    def _went_on(self, track: Track, gap: Gap) -> bool:
+        """Tell whether a reference moved on while nothing was heard of it; else it was held."""
+        place = bisect_right(track.times, gap.time) - 1
+        return (
+            self._moves(track, place, self._due())
+            and track.values[place + 1] != track.values[place]
+        )
 
     def _forget(self) -> None:
         """Drop what no row will need."""

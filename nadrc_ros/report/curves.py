@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from operator import itemgetter
 
 import attrs
 from nadrc_ros.adrc.design import make_design
@@ -99,9 +100,10 @@ def bins(columns: Iterable[Array]) -> Array:
 
 @attrs.frozen
 class Bandwidth:
-    """A bandwidth [rad/s], what has it, and in which runs; the two are ordered sets."""
+    """A bandwidth [rad/s], since when [s], what has it, and in which runs: two ordered sets."""
 
     value: float
+    since: float
     names: dict[str, None] = attrs.field(factory=dict)
     runs: dict[str, None] = attrs.field(factory=dict)
 
@@ -109,12 +111,16 @@ class Bandwidth:
 def bandwidths(runs: Mapping[str, RecordedRun]) -> list[Bandwidth]:
     """Return the bandwidths of the controllers, at the start and after changes."""
     found: dict[float, Bandwidth] = {}
-    for name, run in runs.items():
-        for _, settings in run.history.controller_settings():
-            for which, value in _bandwidths(settings).items():
-                known = found.setdefault(value, Bandwidth(value))
-                known.names[which] = None
-                known.runs[name] = None
+    steps = [
+        (since, name, settings)
+        for name, run in runs.items()
+        for since, settings in run.history.controller_settings()
+    ]
+    for since, name, settings in sorted(steps, key=itemgetter(0)):
+        for which, value in _bandwidths(settings).items():
+            known = found.setdefault(value, Bandwidth(value, since))
+            known.names[which] = None
+            known.runs[name] = None
     return list(found.values())
 
 

@@ -33,7 +33,7 @@ _READ_OUT = {
     'e': 'error',
     'u': 'command',
     'd': 'truth',
-    'd̂': 'estimate',
+    'd est.': 'estimate',
 }
 
 

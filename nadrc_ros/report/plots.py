@@ -26,6 +26,7 @@ from nadrc_ros.report.roles import (
     TRUTH,
 )
 from nadrc_ros.report.traces import Trace
+from nadrc_ros.scenario.units import bracketed
 import numpy as np
 
 _MOST_MARKED = 40
@@ -92,7 +93,7 @@ class Plotter:
         } or {0.5: 'state'}
         made.ygrid.visible = False
         self._mark(made)
-        return Plot(made, 'What the controller did, as it told.')
+        return Plot(made, 'State of the controller, as it reported it.')
 
     def output(self) -> Plot:
         """Return outputs, references and, hidden at first, measurements."""
@@ -153,9 +154,8 @@ class Plotter:
         low, high = _extent([*(omega for omega, _ in found.values()), *marks])
         bottom, top = _extent(density for _, density in found.values())
         bottom = max(bottom, top * 10.0**-_DEEPEST)
-        squared = f'({unit})²' if (unit := self.unit('command')) else 'u²'
         made = base(
-            f'density of u [{squared} / (rad/s)]',
+            f'density of u [{bracketed(self.unit("command") or "u")}² / (rad/s)]',
             'frequency [rad/s]; above: [Hz]',
             x_range=Range1d(start=low, end=high),
             y_range=Range1d(start=0.7 * bottom, end=top * 10.0**_HEADROOM),
@@ -309,7 +309,8 @@ def _grouped(
     marks: list[tuple[float, list[str]]] = []
     for each in found:
         whose = '' if len(each.runs) >= len(runs) else f' of {", ".join(each.runs)}'
-        text = f'{", ".join(each.names)}{whose} {each.value:g} rad/s'
+        begin = f' from {each.since:.4g} s' if each.since else ''
+        text = f'{", ".join(each.names)}{whose} at {each.value:g} rad/s{begin}'
         if marks and log10(each.value / marks[-1][0]) < _TWO_MARKS * (high - low):
             marks[-1][1].append(text)
         else:
@@ -318,7 +319,8 @@ def _grouped(
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= _LONGEST_NAME else f'{name[: _LONGEST_NAME - 1]}…'
+    half = _LONGEST_NAME // 2  # names often begin, or end, alike
+    return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
 
 
 def _extent(columns: Iterable[Array]) -> tuple[float, float]:

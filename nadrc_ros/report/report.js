@@ -155,7 +155,7 @@ function draw_cursor() {
 function decimals() {
   const { time } = runs[shown.run].columns;
   const usual = (time[time.length - 1] - time[0]) / Math.max(1, time.length - 1) || 1;
-  return Math.max(0, Math.min(9, Math.ceil(-Math.log10(usual)) + 1));
+  return Math.max(0, Math.min(9, Math.ceil(0.5 - Math.log10(usual))));
 }
 
 function point(at) {

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import isnan
 
 from nadrc_ros.records.recorded_run import RecordedRun
-from nadrc_ros.report.marks import NumberedChanges, text_of
+from nadrc_ros.report.marks import node_of, NumberedChanges, text_of
 from nadrc_ros.report.tables import comparable, shown_together
 import numpy as np
 
@@ -37,6 +37,7 @@ def _what(runs: Mapping[str, RecordedRun]) -> str:
     plant = f' on the plant {plants.pop()}' if len(plants) == 1 and '' not in plants else ''
     if len(runs) == 1:
         started = str(next(iter(runs.values())).history.about.get('started', ''))
+        started = started[: len('2026-12-01T02:50')].replace('T', ' at ')
         return f'{sizes[0]}{plant}{f", started {started}" if started else ""}.'
     each = sizes[0] if len(sizes) == 1 else 'different length or rate'
     return f'{len(runs)} runs of {each}{plant}.'
@@ -84,12 +85,13 @@ def _compared(runs: Mapping[str, RecordedRun]) -> str:
         return 'Not every run has samples with both an error and a command.'
     same = comparable(runs)
     key = 'itae' if same else 'rmse'
-    before = '' if same else 'The runs differ in length, and integrals grow with it: '
+    before = '' if same else 'Their integrals cover different times. '
     values = {name: float(getattr(each, key)) for name, each in metrics.items()}
     best, second, *_ = sorted(values, key=values.__getitem__)
-    lead = 100.0 * (1.0 - values[best] / values[second]) if values[second] else 0.0
-    if lead < 0.05:
+    shown = dict(zip(values, shown_together(key, list(values.values()))))
+    if shown[best] == shown[second]:
         return f'{before}{best} and {second} share the lowest {key.upper()}.'
+    lead = 100.0 * (1.0 - values[best] / values[second])
     text = f'{before}Lowest {key.upper()}: {best}, {lead:.2g} % below {second}'
     if same and metrics[second].isu > 0.0:
         effort = 100.0 * (metrics[best].isu / metrics[second].isu - 1.0)
@@ -158,7 +160,8 @@ def losses(run: RecordedRun) -> list[str]:
 
 
 def _changed(marked: Sequence[NumberedChanges]) -> str:
-    count = sum(len(mark.changes) for mark in marked)
+    changes = (change for mark in marked for change, _ in mark.changes)
+    count = len({(node_of(change.node), change.name) for change in changes})
     if not count:
         return ''
     what = f'{count} parameters were' if count > 1 else 'One parameter was'

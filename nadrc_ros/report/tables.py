@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import floor, inf, isfinite, isnan, log10
+from math import floor, inf, isfinite, isnan, log10, nan
 import re
 from typing import NamedTuple
 
@@ -34,10 +34,12 @@ _IGNORED = 'ignored'
 _WIRING = 'qos_overrides.'
 
 
-def wins(value: float, values: Sequence[float]) -> bool:
-    """Tell whether a figure is the lowest of several that differ."""
-    known = [each for each in values if not isnan(each)]
-    return bool(known) and value == min(known) < max(known)
+def winners(texts: Sequence[str], values: Sequence[float]) -> list[bool]:
+    """Tell which figures are the lowest: all that read as the lowest one, if not all do."""
+    lowest = min((value for value in values if not isnan(value)), default=nan)
+    known = [text for text, value in zip(texts, values) if not isnan(value)]
+    best = {text for text, value in zip(texts, values) if value == lowest}
+    return [text in best and best != set(known) for text in texts]
 
 
 def comparable(runs: Mapping[str, RecordedRun]) -> bool:
@@ -68,11 +70,11 @@ def figures_of_merit(runs: Mapping[str, RecordedRun]) -> Table:
     rows = []
     for key, label, meaning in FIGURES:
         values = [float(getattr(run.metrics, key)) for run in runs.values()]
-        rivals = values if comparable(runs) else []
         texts = shown_together(key, values)
+        best = winners(texts, values) if comparable(runs) else [False] * len(texts)
         cells = [
-            Cell(text, title='' if isnan(value) else repr(value), wins=wins(value, rivals))
-            for text, value in zip(texts, values)
+            Cell(text, title='' if isnan(value) else repr(value), wins=wins)
+            for text, value, wins in zip(texts, values, best)
         ]
         units = {run.units.of_figure(key) for run in runs.values()}
         unit = units.pop() if len(units) == 1 else ''
@@ -84,27 +86,48 @@ def shown_together(key: str, values: Sequence[float], plain: bool = False) -> li
     """
     Return figures that are read beside each other, with the same decimals.
 
-    Their smallest difference shows two digits, as far as that needs no more than six digits of the
-    largest, which shows at least three. A power of ten is ``plain`` e-5, or as one writes it.
+    The largest shows at least three digits, the smallest two; the smallest difference two, or
+    one where that needs more than six digits, unless it is less than 1e-5 of what differs: such
+    figures read the same. What is 100,000 times the smallest has no say in this, and if need be
+    a power of its own. A power of ten is ``plain`` e-5, or as one writes it.
     """
-    if key == 'saturated_fraction':
-        return [_MISSING if isnan(value) else f'{100.0 * value:.1f} %' for value in values]
-    known = sorted({value for value in values if isfinite(value)})
-    largest = max((abs(value) for value in known), default=0.0)
-    if not largest:
-        return [_MISSING if isnan(value) else f'{value:g}' for value in values]
-    leading = floor(log10(largest))
-    least, most = 2 - leading, 5 - leading
-    gaps = [gap for low, high in pairwise(known) if (gap := high - low) >= 10.0**-most]
-    decimals = least + 1 if not gaps else 1 - floor(log10(min(gaps)))
-    decimals = max(0, min(max(decimals, least), most))
-    shift = -leading if leading < -4 else 0
-    power = f'e{-shift}' if plain else f'\u2009·\u200910{_superscript(-shift)}'
-    scale, unit = 10.0**shift, power if shift else ''
-    return [
-        f'{scale * value:.{decimals - shift}f}{unit}' if isfinite(value) else _MISSING
-        for value in values
-    ]
+    share = key == 'saturated_fraction'
+    shown = [100.0 * value if share else value for value in values]
+    smallest = min((abs(value) for value in shown if value and isfinite(value)), default=0.0)
+    alike = sorted({value for value in shown if abs(value) <= 1e5 * smallest} | {0.0} & {*shown})
+    leading = _leading(max(map(abs, alike), default=0.0))
+    shift = 0 if share or -4 <= leading < 12 else leading
+    least = 1 if share else 2 - leading if smallest else -1
+    pairs = pairwise([0.0] * share + alike)
+    gaps = [high - low for low, high in pairs if high - low >= max(1e-5 * abs(high), 1e-300)]
+    finest = least + (not share)
+    if gaps:
+        differ = -_leading(min(gaps))
+        finest = max(differ, min(differ + 1, least + 3))
+    if smallest and not share:
+        finest = max(finest, 1 - _leading(smallest))
+    places = max(0, max(least, finest) + shift)
+
+    def text(value: float) -> str:
+        scaled = value / 10.0**shift
+        fits = value in alike or abs(scaled) < 1e7
+        if fits and (not value or 2.0 * abs(scaled) >= 10.0**-places):
+            return f'{scaled:.{places}f}' + _power(shift, plain)
+        return f'{value / 10.0 ** _leading(value):.2f}' + _power(_leading(value), plain)
+
+    unit = ' %' if share else ''
+    return [text(value) + unit if isfinite(value) else _MISSING for value in shown]
+
+
+def _leading(value: float) -> int:
+    """Return the power of ten of the first digit."""
+    return floor(log10(abs(value))) if value else 0
+
+
+def _power(number: int, plain: bool) -> str:
+    if not number:
+        return ''
+    return f'e{number}' if plain else f'\u2009·\u200910{_superscript(number)}'
 
 
 def _superscript(number: int) -> str:

@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+_IN_BRACKETS = re.compile(r'\s*[\[(](.*)[\])]$')
 _DATE = re.compile(
     r'(?:(\d{4}-\d\d-\d\d)[T ])?(\d\d:\d\d:\d\d)([.,]\d+)?\s*(?:Z|UTC|[-+]\d\d:?\d\d)?'
 )
@@ -116,6 +117,11 @@ class CsvFile(Dialect):
         if name.isdecimal() and 0 < int(name) <= len(self.names):
             return int(name) - 1
         raise UserError(f'there is no column {name!r}: {did_you_mean(name, self.names)}')
+
+    def unit_in_brackets(self, name: str) -> str:
+        """Return what the heading of a column has in brackets (angle [rad]), '' if nothing."""
+        found = _IN_BRACKETS.search(self.names[self.place(name)].strip())
+        return found[1].strip() if found else ''
 
     def unit_of(self, time: str) -> str:
         """Return the unit of a column of times: that of its heading, '' if it names none."""
@@ -211,7 +217,7 @@ def _is_date(cell: str) -> bool:
 
 def _bare(name: str) -> str:
     """Return a name in lower case, without what it has in brackets."""
-    return re.sub(r'\s*[\[(].*[\])]$', '', name.strip()).lower()
+    return _IN_BRACKETS.sub('', name.strip()).lower()
 
 
 def _seconds(name: str, cell: str, line: int) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import re
 from typing import Any
 
 from nadrc_ros.adrc.cascade import loops_of
@@ -15,6 +16,13 @@ Parameters = dict[str, Any]
 # /** would follow a node that is renamed, but be for plant and recorder too, which refuse it; a
 # renamed controller refuses this key and says what to write.
 ANY_CONTROLLER = '/**/controller'
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes strings that the parser of ROS would take for true or false, such as the unit N."""
+
+
+_Dumper.add_implicit_resolver('tag:yaml.org,2002:bool', re.compile('[yYnN]$'), list('yYnN'))
 
 
 def controller_parameters(settings: ControllerSettings, rate: float) -> Parameters:
@@ -41,7 +49,8 @@ def node_parameters(settings: ControllerSettings, rate: float) -> dict[str, Para
 def parameter_text(nodes: Mapping[str, Parameters]) -> str:
     """Return the YAML text of the parameters of each node, by its full name or a pattern."""
     content = {name: {'ros__parameters': parameters} for name, parameters in nodes.items()}
-    return yaml.safe_dump(content, sort_keys=False)
+    text: str = yaml.dump(content, Dumper=_Dumper, sort_keys=False)
+    return text
 
 
 def about_reference(settings: ControllerSettings) -> str:

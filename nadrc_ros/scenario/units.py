@@ -50,20 +50,21 @@ class Units:
         found = {
             'itae': output and f'{output}{_TIMES}s²',
             'iae': output and f'{output}{_TIMES}s',
-            'isu': command and f'{_bracketed(command)}²{_TIMES}s',
+            'isu': command and f'{bracketed(command)}²{_TIMES}s',
             **dict.fromkeys(('rmse', 'max_error', 'peak_error'), output),
             **dict.fromkeys(('max_command', 'total_variation'), command),
         }
         return found.get(name, '')
 
 
-def _bracketed(unit: str) -> str:
-    return f'({unit})' if '/' in unit else unit
+def bracketed(unit: str) -> str:
+    """Return a unit as one that a power can follow."""
+    return f'({unit})' if set(unit) & set('/ ·*') else unit
 
 
 def _rate_of(unit: str, order: int) -> str:
     power = '' if order == 1 else str(order).translate(str.maketrans('23456789', '²³⁴⁵⁶⁷⁸⁹'))
-    return unit and f'{_bracketed(unit)}/s{power}'
+    return unit and f'{bracketed(unit)}/s{power}'
 
 
 def with_unit(label: str, unit: str) -> str:
