@@ -177,7 +177,7 @@ def test_a_csv_file_gives_the_plant_of_the_run_and_says_how_it_was_read(
     assert 'semicolons between cells, decimal commas' in output
     assert 'PWM (guessed by its name)' in output
     guess = 'the limits of the command, '
-    assert guess in output and 'are guessed: the log does not tell them' in output
+    assert guess in output and 'are guessed: the log does not contain them' in output
     b0_of(tmp_path, path, *options, '--out', tmp_path / 'found')
     scenario = tmp_path / 'found' / 'scenario.yaml'
     assert scenario.read_text().startswith(f'# {guess}') and load(scenario)

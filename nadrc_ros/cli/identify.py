@@ -15,6 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from nadrc_ros.records.recorded_run import RecordedRun
+    from nadrc_ros.scenario.units import Units
     from nadrc_ros.tuning.identification.advice import Advice
     from nadrc_ros.tuning.identification.estimate import Estimate
     from nadrc_ros.tuning.identification.identify import Plant
@@ -42,9 +43,7 @@ def identify(
             min=1, max=3, help='Order of the plant; by default the best one for the log.'
         ),
     ] = None,
-    b0: Annotated[
-        Optional[float], typer.Option(help='The b0 in use, to say how far it is off.')
-    ] = None,
+    b0: Annotated[Optional[float], typer.Option(help='The b0 in use, for comparison.')] = None,
     out: Annotated[
         Optional[Path],
         typer.Option(help='Folder for identify.yaml, scenario.yaml and identify.json.'),
@@ -105,7 +104,7 @@ def identify(
             out.mkdir(parents=True, exist_ok=True)
             _write_json(out / 'identify.json', plant, advice, b0, kept, doubts)
             _write_parameters(out / _PARAMETERS, advice, recorded.rate)
-            budget = _write_scenario(out / _SCENARIO, plant, log, advice)
+            budget = _write_scenario(out / _SCENARIO, plant, log, advice, recorded.units)
         for line in _verdict(plant, advice, b0):
             say(line)
         if out is not None:
@@ -163,19 +162,26 @@ def _write_parameters(path: Path, advice: 'Advice', rate: float) -> None:
     write_whole(path, parameter_text({ANY_CONTROLLER: parameters}).encode())
 
 
-def _write_scenario(path: Path, plant: 'Plant', log: 'Log', advice: 'Advice') -> float:
+def _write_scenario(
+    path: Path, plant: 'Plant', log: 'Log', advice: 'Advice', units: 'Units'
+) -> float:
     """Write a scenario that repeats the log, and return the ISU for a tuning of it."""
     from nadrc_ros.atomic import write_whole
-    from nadrc_ros.scenario.files import dump
+    from nadrc_ros.scenario.mapping import to_mapping
     from nadrc_ros.tuning.identification.advice import NAME, reference_text, rounded, scenario_of
+    from nadrc_ros.yaml_text import write_yaml
 
     text = reference_text(log)
     followed = path.with_name(_REFERENCE) if text else None
     if followed is not None:
         write_whole(followed, text.encode())
-    repeated = scenario_of(plant, log, advice.settings, followed)
+    repeated = scenario_of(plant, log, advice.settings, followed and followed.resolve())
+    repeated = attrs.evolve(repeated, units=units)
     note = '' if advice.limits_known else f'# {_guess(advice, log)}\n'
-    write_whole(path, (note + dump(repeated)).encode())
+    content = to_mapping(repeated)
+    if followed is not None:
+        content['reference']['csv'] = followed.name  # beside it, wherever the folder is put
+    write_whole(path, (note + write_yaml(content)).encode())
     return rounded(_MORE_EFFORT * repeated.run(NAME).metrics.isu, 3)
 
 
@@ -199,8 +205,8 @@ def _complain(
 def _guess(advice: 'Advice', log: 'Log') -> str:
     low, high = advice.settings.command_min, advice.settings.command_max
     return (
-        f'the limits of the command, {low:g} to {high:g}, are guessed: the log does not tell them '
-        f'(its commands are {log.command.min():.4g} to {log.command.max():.4g})'
+        f'the limits of the command, {low:g} to {high:g}, are guessed: the log does not contain '
+        f'them (its commands are {log.command.min():.4g} to {log.command.max():.4g})'
     )
 
 
@@ -287,7 +293,7 @@ def _verdict(plant: 'Plant', advice: 'Advice', b0: Optional[float]) -> list[str]
     best, chosen = advice.settings, advice.design.chosen
     lines.append(
         f'Suggested start: settling time {advice.design.wanted.settling_time:g} s '
-        f'({advice.limit} forbids a much shorter one), {chosen.name}, b0 {best.b0:g}, '
+        f'(limited by {advice.limit}), {chosen.name}, b0 {best.b0:g}, '
         f'inner_bandwidth {best.inner_bandwidth:g}, '
         f'controller_bandwidth {best.controller_bandwidth:g}.'
     )

@@ -259,7 +259,11 @@ def _print_front(one: 'Tuned', tuning: TuneSettings, units: 'Units') -> None:
     }
     points = [one.front[i] for i in sorted(shown)]
     numbers = [(p.figures.isu, p.figures.objective, *p.values.values()) for p in points]
-    columns = [shown_together('', column, plain=True) for column in zip(*numbers)]
+    whole = [False, False, *(v.whole for v in one.varied)]
+    columns = [
+        [f'{value:.0f}' for value in column] if each else shown_together('', column, plain=True)
+        for column, each in zip(zip(*numbers), whole)
+    ]
     rows = []
     for i, texts in zip(sorted(shown), zip(*columns)):
         chosen = i == one.choice.index

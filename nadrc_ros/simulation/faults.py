@@ -189,7 +189,7 @@ class MeasurementFault(Fault):
     the clock that stamps them is ``time`` ahead.
     """
 
-    kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'what happens to measurements')
+    kind: str = choice('none', ('none', *MEASUREMENT_KINDS), 'fault of the measurement')
     time: float = number(0.1, 1.0 / FASTEST, LONGEST, 's', 'delay, lag, or jump of the clock')
     probability: float = number(
         1.0,
@@ -209,7 +209,7 @@ class CommandFault(Fault):
     second; ``gain``: size times the command, as if b0 were wrong by that factor.
     """
 
-    kind: str = choice('none', ('none', *COMMAND_KINDS), 'what the actuator makes of commands')
+    kind: str = choice('none', ('none', *COMMAND_KINDS), 'fault of the actuator')
 
 
 @attrs.frozen(kw_only=True)

@@ -176,7 +176,7 @@ def fastest_rate(plant: Plant) -> float:
 
     The Jacobian is taken by differences; where it is not finite, it tells nothing.
     """
-    jacobians = np.array([_jacobian(plant, x) for x in probe_states(plant.states)])
+    jacobians = np.array([jacobian(plant, x) for x in probe_states(plant.states)])
     known = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
     return float(np.abs(np.linalg.eigvals(known)).max(initial=0.0))
 
@@ -206,14 +206,14 @@ def substeps_for(plant: Plant, h: float) -> int:
     return max(1, ceil(steps - 1e-9))
 
 
-def _jacobian(plant: Plant, x: list[float]) -> npt.NDArray[np.float64]:
-    """Return d(dx/dt)/dx at ``x``, shape (states, states)."""
+def jacobian(plant: Plant, x: list[float], u: float = 0.0) -> npt.NDArray[np.float64]:
+    """Return d(dx/dt)/dx at ``x`` under the command ``u``, shape (states, states)."""
     size, delta = len(x), 1e-6
     slopes = np.zeros((2, size, size))
     for j in range(size):
         for way, shift in enumerate((delta, -delta)):
             dx = [0.0] * size
-            plant.derivative(0.0, [x[i] + shift * (i == j) for i in range(size)], 0.0, 0.0, dx)
+            plant.derivative(0.0, [x[i] + shift * (i == j) for i in range(size)], u, 0.0, dx)
             slopes[way, :, j] = dx
-    jacobian: npt.NDArray[np.float64] = (slopes[0] - slopes[1]) / (2.0 * delta)
-    return jacobian
+    found: npt.NDArray[np.float64] = (slopes[0] - slopes[1]) / (2.0 * delta)
+    return found

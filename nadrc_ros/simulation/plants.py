@@ -140,12 +140,12 @@ class DcMotor(_Output):
     Voltage u [V] to speed [rad/s] and, for the position, angle [rad].
 
     J speed' = K i - friction - load_torque + J w
-    L i'     = u - R i - K speed
-    friction = (coulomb + (static - coulomb) exp(-(speed / stribeck_speed)^2))
-               tanh(speed / smoothing_speed) + viscous speed
+    L i' = u - R i - K speed
+    friction = dry tanh(speed / smoothing_speed) + viscous speed
+    dry = coulomb + (static - coulomb) exp(-(speed / stribeck_speed)^2)
 
     The last two states are speed and armature current i [A]. The nominal order leaves the
-    inductance L out: b0 = K / (J R), and the lag L / R of the current is unmodelled dynamics that
+    inductance L out: b0 = K / (J R), and the lag L / R of the current is unmodeled dynamics that
     limits the bandwidth, as in a real drive. As u enters y^(n) only through i, the total
     disturbance y^(n) - b0 u peaks for about L / R after each change of the voltage. The tanh makes
     friction smooth, so the motor creeps where a real one sticks. The default numbers are those of
@@ -243,7 +243,7 @@ class Thermal(_Output):
     heater_lag q' = power u / 100 - q
 
     The second state is the heat flow q [W] out of the heater. The nominal order leaves its lag
-    out: b0 = power / (100 capacity), and the lag is unmodelled dynamics that limits the bandwidth.
+    out: b0 = power / (100 capacity), and the lag is unmodeled dynamics that limits the bandwidth.
     The default numbers are those of a laboratory oven: 500 W, time constant 10 minutes, 220 degC
     at full power.
     """

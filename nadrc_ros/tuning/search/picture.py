@@ -61,8 +61,8 @@ def draw(
         effort, objective = labels(tuning, units)
         axis.set_xlabel(f'{effort}, integral of u²' + _width(axis.get_xlim(), 'effort'))
         axis.set_ylabel(objective + _width(axis.get_ylim(), 'error'))
-        axis.set_title(title, weight='bold')
-        axis.legend()
+        figure.suptitle(title, x=0.01, ha='left', weight='bold')
+        axis.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0))  # a front may be anywhere
         _number(figure, axis, found, [styles[tuned.name].colour for tuned in found])
     return figure
 
@@ -90,7 +90,8 @@ def _width(limits: tuple[float, float], of: str) -> str:
 def _number(figure: Figure, axis: Any, found: Sequence[Tuned], colours: Iterable[str]) -> None:
     """Write the numbers of points where they cover no other: chosen, ends, then the others."""
     figure.draw_without_rendering()
-    frame, taken = axis.get_window_extent(), [axis.get_legend().get_window_extent()]
+    frame = axis.get_window_extent()
+    taken: list[Bbox] = []
     points = []
     for tuned, colour in zip(found, colours):
         first = [tuned.choice.index, 0, len(tuned.front) - 1]
