@@ -21,7 +21,8 @@ from nadrc_ros.simulation.sensor import Sensor
 PAGE = Path(__file__).with_name('parameters.md')
 INTRODUCTION = """# Parameters
 
-Made from the declarations in the code by `python docs/parameters.py`. Those that are live can be
+Here you look up every parameter of every node. The page is made from the code by
+`python docs/parameters.py`. Those that are live can be
 changed while a node runs, the others are fixed at start. A value outside its range is refused with
 a reason.
 """

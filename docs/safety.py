@@ -77,6 +77,8 @@ NUMBERED = dict(enumerate(PROMISES, 1)) | {
     'sensor falls silent.',
     24: 'No bytes of any message type on a wired topic end a node or enter an observer unless '
     'they are the number that was asked for.',
+    25: 'A managed controller sends nothing but the safe command unless it is active. A '
+    'transition that its state does not allow changes nothing, whatever was asked before.',
 }
 DESIGN = make_design(
     ControllerSettings(reference_timeout=1.0, stall_time=1.0, stall_action='fault')

@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # What the recorder records by default is all that plant, reference and controller publish.
 TOPICS = {f'/{topic}' for topic in RecorderSettings().topics().values()}
-README = (ROOT / 'README.md').read_text(encoding='utf-8')
+PAGE = (ROOT / 'docs' / 'robot.md').read_text(encoding='utf-8')
 LAUNCH = ROOT / 'launch' / 'nadrc.launch.py'
 SHOWN = {'/reference', '/measurement', '/command', '/plant/output', '/plant/total_disturbance'}
 SHOWN |= {'/controller/total_disturbance', '/controller/level_2/disturbance'}
@@ -71,8 +71,8 @@ def test_foxglove_shows_topics_that_the_nodes_publish() -> None:
     assert kinds == {'Plot', 'DiagnosticSummary', 'Parameters'}
 
 
-def test_the_namespace_that_the_readme_adds_is_added_to_every_topic() -> None:
-    (pattern, new) = re.findall(r"sed -E 's#(.*)#(.*)#g' FILE", README)[0]
+def test_the_namespace_that_the_page_adds_is_added_to_every_topic() -> None:
+    (pattern, new) = re.findall(r"sed -E 's#(.*)#(.*)#g' FILE", PAGE)[0]
     for name in ('plotjuggler.xml', 'foxglove.json'):
         text = (ROOT / 'config' / name).read_text(encoding='utf-8')
         moved = re.sub(pattern, new, text)

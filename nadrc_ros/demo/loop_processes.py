@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
-from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.demo.loop_parameters import node_parameters
-from nadrc_ros.ros.runtime import LOCKED_UP, stop_signals
+from nadrc_ros.ros.children import start_child
+from nadrc_ros.ros.runtime import LOCKED_UP, stop_signals_go_to
 from nadrc_ros.scenario import Scenario
 from nadrc_ros.scenario.parameter_files import parameter_text
 
@@ -62,13 +62,7 @@ class Loop:
         command = [sys.executable, '-m', f'nadrc_ros.nodes.{node}', '--ros-args']
         command += ['-r', f'__ns:=/{self.name}', '--params-file', str(self.parameter_file)]
         with self.log(node).open('wb') as log:
-            return subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+            return start_child(command, stdout=log, stderr=subprocess.STDOUT)
 
     def log(self, node: str) -> Path:
         """Return the file that holds what a node printed."""
@@ -122,29 +116,18 @@ def running(
     """Start loops, and stop them however the block is left; any stop signal is like Ctrl-C."""
     loops: list[Loop] = []
     received: list[int] = []
-    with _stop_signals_go_to(signal.default_int_handler):
+    with stop_signals_go_to(signal.default_int_handler):
         try:
             for name in names:
                 loops.append(Loop(scenario, name, directory / name, lockstep))
                 # a process that was just made must not go unnoticed
-                with _stop_signals_go_to(lambda number, _: received.append(number)):
+                with stop_signals_go_to(lambda number, _: received.append(number)):
                     loops[-1].start()
                 if received:
                     raise KeyboardInterrupt
             yield loops
         finally:
             # A second Ctrl-C must not leave nodes behind.
-            with _stop_signals_go_to(signal.SIG_IGN):
+            with stop_signals_go_to(signal.SIG_IGN):
                 for loop in loops:
                     loop.stop()
-
-
-@contextmanager
-def _stop_signals_go_to(handler: Callable[[int, Any], Any] | signal.Handlers) -> Iterator[None]:
-    numbers = stop_signals()
-    before = [signal.signal(number, handler) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, earlier in zip(numbers, before):
-            signal.signal(number, earlier)

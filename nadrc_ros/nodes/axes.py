@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import re
+from typing import TypeVar
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import declared
@@ -12,6 +13,7 @@ from nadrc_ros.ros.arguments import IN_A_NAME, NAME
 from nadrc_ros.ros.command_line import About, NodeParser
 from rclpy.node import Node
 
+T = TypeVar('T')
 # What gives the namespace; of several rules the first one counts.
 _NAMESPACE_RULE = re.compile('(?:controller:)?__ns:=(/.*)')
 # What one timer, and one way to be triggered, leave no choice in.
@@ -21,18 +23,22 @@ _ABOUT = About(
     purpose='Active disturbance rejection control of one axis, or of several in one process.',
     topics={
         'measurement': 'in: the output of the plant, from a sensor',
-        'reference': 'in: what it is to be; without one the measurement at the start is held',
+        'reference': 'in: the setpoint; without one the measurement at the start is held',
         'reference/rate': 'in, with reference/acceleration: its derivatives, where known',
-        'command': 'out: what the actuator is to do',
+        'command': 'out: the command to the actuator',
         '~/keep': 'in: hold to run, a lease [s] that has to be renewed while the loop is enabled',
-        '~/event': 'out: what happens to the loop; and the estimates, on ~/...',
+        '~/event': 'out: events of the loop; and the estimates, on ~/...',
     },
     parameters={name: declared(ControllerSettings)[name] for name in _MAIN},
     examples=(
         'ros2 run nadrc_ros controller --ros-args -p b0:=2.0 -p rate:=500.0',
         'ros2 run nadrc_ros controller --axes x y --ros-args --params-file axes.yaml',
     ),
-    options={'--axes NAME ...': 'one controller for each name, in a namespace of that name'},
+    options={
+        '--axes NAME ...': 'one controller for each name, in a namespace of that name',
+        '--managed': 'a managed node, enabled while it is active: ros2 lifecycle set /controller '
+        'configure, then activate',
+    },
     more=(
         'Services: ~/enable (std_srvs/SetBool) closes and opens the loop, ~/reset restarts the '
         'observers.',
@@ -50,12 +56,15 @@ def axes_parser() -> NodeParser:
     """Return what parses the command line of controllers."""
     parser = NodeParser('controller', _ABOUT)
     parser.add_argument('--axes', nargs='+', metavar='NAME', default=[])
+    parser.add_argument('--managed', action='store_true')
     return parser
 
 
-def axes_asked(arguments: Sequence[str]) -> list[str]:
+def axis_spaces(arguments: Sequence[str]) -> dict[str, str]:
     """
-    Return the names of the axes on a command line, none where one nameless axis is meant.
+    Return the namespaces of the axes on a command line by their names, inside the one it gives.
+
+    There are none where one nameless axis is meant.
 
     Raises
     ------
@@ -69,14 +78,14 @@ def axes_asked(arguments: Sequence[str]) -> list[str]:
             raise UserError(f'the axis {name!r} has no name to make a namespace of: {IN_A_NAME}')
         if names.count(name) > 1:
             raise UserError(f'the axis {name!r} is there twice')
-    return names
-
-
-def axis_namespace(name: str, arguments: Sequence[str]) -> str:
-    """Return the namespace of an axis, inside the one that the command line gives."""
     rules = filter(None, map(_NAMESPACE_RULE.fullmatch, arguments))
     base = next((rule[1] for rule in rules), '/')
-    return f'{base.rstrip("/")}/{name}'
+    return {name: f'{base.rstrip("/")}/{name}' for name in names}
+
+
+def axis_of(kind: type[T], first: T | None, axes: Sequence[str]) -> type[T]:
+    """Return the class of controllers that are ticked by the timers of the ``first`` of them."""
+    return type(kind.__name__, (kind,), {'first': first, 'axes': axes})
 
 
 def refuse_unequal(first: Node, other: Node) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import did_you_mean, SettingError, UserError
 from nadrc_ros.adrc.status import Cause
-from nadrc_ros.ros.pacing import SharedTimer
+from nadrc_ros.ros.pacing import PacingSettings, SharedTimer
 from nadrc_ros.ros.runtime import BAD_START
 
 _KEY = 'reference_from'
@@ -22,6 +22,7 @@ class Axis(Protocol):
     controller: Controller
     ticker: Any
     timer: SharedTimer
+    pacing: PacingSettings
 
     def lead(self) -> None:
         """Note that an inner loop takes the command."""
@@ -54,6 +55,8 @@ def make_joined(names: Sequence[str], make: Callable[[str, A | None], A]) -> lis
         for name in names:
             axes[name] = make(name, next(iter(axes.values()), None))
         join_cascades(axes)
+        for name, node in axes.items():  # not before: that may be no cascade in lockstep
+            _check_length(name, node)
     except BAD_START as error:
         for node in axes.values():
             node.discard()
@@ -61,6 +64,13 @@ def make_joined(names: Sequence[str], make: Callable[[str, A | None], A]) -> lis
             raise
         raise UserError(f'axis {name}: {error}') from error
     return list(axes.values())
+
+
+def _check_length(name: str, node: Axis) -> None:
+    try:
+        node.pacing.check_length()
+    except SettingError as error:
+        raise UserError(f'axis {name}: {error}' if name else str(error)) from None
 
 
 def waits_at_start(controller: Controller) -> bool:

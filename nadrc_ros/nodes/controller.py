@@ -12,7 +12,7 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.fields import build, declared
 from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.adrc.status import Mode
-from nadrc_ros.nodes.axes import axes_asked, axes_parser, axis_namespace, refuse_unequal
+from nadrc_ros.nodes.axes import axes_parser, axis_of, axis_spaces, refuse_unequal
 from nadrc_ros.nodes.cascades import make_joined
 from nadrc_ros.nodes.commission import Commission
 from nadrc_ros.nodes.doubts import Doubts
@@ -48,6 +48,7 @@ class ControllerNode(LiveNode):
     """
 
     default_name = 'controller'
+
     # Of several axes the first one, whose timers tick this one too.
     first: ControllerNode | None = None
 
@@ -157,7 +158,7 @@ class ControllerNode(LiveNode):
         refusal = self._commission.busy or self._rivals.refusal()
         if on and not self.controller.enabled and refusal:
             return False, refusal
-        self._commission.end('it was disabled')
+        self._commission.note_switch(on)
         self._rivals.settle(on)
         said = 'enabled' if on else 'disabled'
         if on == self.controller.enabled:
@@ -262,7 +263,7 @@ class ControllerNode(LiveNode):
         if commission.active:
             command = commission.tick(measurement, dt, elapsed, self._wiring.stamp)
             self._silent = False
-        silent = self._rivals.mute or (self._silent and controller.quiet)
+        silent = self._rivals.mute or commission.silent or (self._silent and controller.quiet)
         if not silent or self.lockstep is not None:
             self._command.send(command, self._wiring.stamp)
         sent_safe = command == controller.settings.safe_command
@@ -360,16 +361,6 @@ class ControllerNode(LiveNode):
         self._command.await_delivery(seconds)
 
 
-class Axis(ControllerNode):
-    """One of several axes; the timers of the first one tick it, too."""
-
-    def __init__(
-        self, first: ControllerNode | None, axes: Sequence[str], namespace: str, **more: Any
-    ) -> None:
-        self.first, self.axes = first, axes
-        super().__init__(namespace=namespace, **more)
-
-
 def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
     """
     Make one controller, or one for each axis that the command line names.
@@ -380,14 +371,19 @@ def make_axes(arguments: Sequence[str]) -> list[ControllerNode]:
         Names the axis that cannot be; what the others began to write is gone.
 
     """
-    spaces = {name: axis_namespace(name, arguments) for name in axes_asked(arguments)}
+    spaces = axis_spaces(arguments)
+    axes = list(spaces.values())
+    kind = ControllerNode
+    if axes_parser().parse(arguments).managed:
+        from nadrc_ros.nodes.managed import managed
+
+        kind = managed(ControllerNode)
 
     def make(name: str, first: ControllerNode | None) -> ControllerNode:
-        return Axis(first, list(spaces.values()), spaces[name], arguments=arguments)
+        axis = axis_of(kind, first, axes)
+        return axis(namespace=spaces.get(name, ''), arguments=arguments)
 
-    if not spaces:
-        return make_joined([''], lambda name, first: ControllerNode(arguments=arguments))
-    return make_joined(list(spaces), make)
+    return make_joined(list(spaces) or [''], make)
 
 
 def main() -> int:

@@ -18,9 +18,9 @@ def _run(node: str) -> int:
         if (error.name or '').startswith('nadrc_ros'):
             raise
         print(
-            f'error: the {node} needs ROS 2 Jazzy, which is not here ({error}): source its '
-            'setup.bash, or let `make demo` in the source tree install it in .venv (Linux on '
-            'x86-64)',
+            f'error: the {node} needs ROS 2 Jazzy or Kilted, which is not here ({error}): source '
+            'its setup.bash, or let `make demo` in the source tree install it in .venv (Linux '
+            'on x86-64)',
             file=sys.stderr,
         )
         return 1

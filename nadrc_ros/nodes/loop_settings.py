@@ -13,20 +13,20 @@ class LoopSettings:
     trigger: str = choice(
         'timer',
         ('timer', 'measurement'),
-        'what starts a step: a fixed-rate timer, or each received measurement',
+        'trigger of a step: a fixed-rate timer, or each received measurement',
         live=False,
     )
     reference_from: str = text(
         '',
-        'axis of the same process whose command is the reference, without a topic and a period '
-        'late by none: the inner loop of a cascade; empty = the topic',
+        'axis of the same process whose command is the reference, in the same tick and without a '
+        'topic: for the inner loop of a cascade; empty = the topic',
         live=False,
     )
     enabled_at_start: bool = flag(True, 'whether the loop is closed from the start', live=False)
     share_command: bool = flag(
         False,
-        'whether to command beside another node; if not, who hears another before its first '
-        'command, or up to 5 s later and has sent fewer, is disabled',
+        'whether to command beside another node; if not, a controller that hears another one '
+        'before its first command, or up to 5 s later with more commands, is disabled',
         live=False,
     )
     estimate_divisor: int = integer(

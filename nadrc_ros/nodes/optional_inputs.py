@@ -57,7 +57,7 @@ class OptionalInputs:
             take = controller.take_gain_variable
             wiring.add_input(GAIN_TOPIC, lambda value, _: take(value), silence=WARN)
         if self._listens:
-            wiring.add_input(APPLIED_TOPIC, self._on_applied, silence=WARN)
+            wiring.add_input(APPLIED_TOPIC, self._on_applied, silence=WARN, regular=True)
         if self._fed:
             wiring.add_input(FEED_FORWARD_TOPIC, self._on_feed_forward, silence=WARN)
 

@@ -62,7 +62,9 @@ class PlantSettings:
         0.0, LOWEST, HIGHEST, 'command unit', 'command the plant uses while none comes'
     )
     report_applied: bool = flag(
-        False, 'whether what the actuator makes of commands is sent on applied', live=False
+        False,
+        'whether the command after the faults of the actuator is sent on applied',
+        live=False,
     )
 
 

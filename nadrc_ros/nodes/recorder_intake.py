@@ -27,8 +27,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 # after so long.
 _SKEW, _SILENCE = 300_000_000, 600_000_000
 _SECOND = 1e9
-# A reference that nobody moves and estimates that a controller leaves out are no gap.
-_REGULAR = ('measurement', 'output', 'command')
+# Estimates that a controller leaves out are no gap.
+_REGULAR = ('reference', 'measurement', 'output', 'command')
 # What a controller is wired to is there after so many looks at the graph, as a rule.
 _PATIENCE = 20
 # A header in simulated time may be as old as that when it comes [ns]; an older one is no time.

@@ -129,10 +129,11 @@ class InputWatch:
     Says of each input of a node why nothing comes, and when something does.
 
     It is told once a minute for each reason, in one line for all inputs that have it: nobody
-    publishes the topic, but one of a name like it; another type is published; the quality of
-    service does not fit; or the publisher is silent. A regular input is watched for good, another
-    one until its first sample. Silence is patient: three times the longest of the last intervals,
-    for a sensor that is slow is not one that is broken.
+    publishes the topic, but one of a name like it, or ``unseen()`` says why who does would not be
+    seen; another type is published; the quality of service does not fit; or the publisher is
+    silent. A regular input is watched for good, another one until its first sample. Silence is
+    patient: three times the longest of the last intervals, for a sensor that is slow is not one
+    that is broken.
     """
 
     def __init__(
@@ -142,12 +143,14 @@ class InputWatch:
         remarks: Remarks,
         period: float,
         now: Callable[[], float] = time.monotonic,
+        unseen: Callable[[], str] = str,
     ) -> None:
         self._node = node
         self._inputs = inputs
         self._remarks = remarks
         self._grace = max(GRACE, _PERIODS * period)
         self._now = now
+        self._unseen = unseen
         self._began = now()
         self._silences: dict[Input, _Silence] = {}
 
@@ -195,7 +198,7 @@ class InputWatch:
             like = self._like(each, silence)
             if like:
                 return f'nobody publishes it{like}', OK if each.silence is None else WARN
-            return 'nobody publishes it', each.silence
+            return f'nobody publishes it{self._unseen()}', each.silence
         silence.searched = -inf
         names = ', '.join(sorted({node_of(info) for info in there}))
         types = sorted({info.topic_type for info in there})

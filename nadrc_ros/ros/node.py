@@ -13,6 +13,7 @@ from nadrc_ros.ros.arguments import overrides, own_rules, refuse_unheard, tell_u
 from nadrc_ros.ros.diagnostics import Diagnostics, Events, OK, Remarks, Report
 from nadrc_ros.ros.graph import InputWatch, Namesakes
 from nadrc_ros.ros.lockstep import Lockstep
+from nadrc_ros.ros.neighbors import Neighbors
 from nadrc_ros.ros.pacing import PacingSettings, Ticker
 from nadrc_ros.ros.parameters import (
     ParameterGroup,
@@ -21,6 +22,7 @@ from nadrc_ros.ros.parameters import (
     set_atomically,
 )
 from nadrc_ros.ros.topics import Input, Receive, receive, Sender
+from nadrc_ros.ros.wall_clock import WallClock
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -93,7 +95,12 @@ class LiveNode(Node):
             self.events = Events(self)
             self.remarks = Remarks(self.get_logger(), event=self.events.tell)
             # Called once per second.
-            self.checks: list[Callable[[], None]] = [Namesakes(self, self.remarks).look]
+            neighbors = Neighbors(self, self.remarks)
+            self.checks: list[Callable[[], None]] = [
+                Namesakes(self, self.remarks).look,
+                neighbors.look,
+                WallClock(self.remarks).look,
+            ]
             self.pacing = self.declare(PacingSettings)
             self.lockstep: Lockstep | None = None
             if self.pacing.lockstep:
@@ -103,9 +110,13 @@ class LiveNode(Node):
             self.set_up()
             spaces = set(self.axes) - {self.get_namespace()}
             refuse_unknown(self, {f'{space}/' for space in spaces} | self.shared)
+            if not self.axes:
+                self.pacing.check_length()
             self.begin()
             if not self.pacing.lockstep:
-                watch = InputWatch(self, self.inputs, self.remarks, self.pacing.period)
+                watch = InputWatch(
+                    self, self.inputs, self.remarks, self.pacing.period, unseen=neighbors.unseen
+                )
                 self.checks.append(watch.look)
             self.diagnostics = Diagnostics(self, self._full_report)
             tell_unused([self], [f'{old}:={new}' for old, new in (remappings or {}).items()])

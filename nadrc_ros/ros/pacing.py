@@ -43,7 +43,7 @@ class PacingSettings:
     steps: int = integer(0, 0, 2**31, 'length of a lockstep run, in periods', live=False)
     readers: str = text(
         '',
-        'lockstep: who must read what before the start, as "topic:node node; topic:node"',
+        'lockstep: readers to wait for before the start, as "topic:node node; topic:node"',
         live=False,
     )
     start_timeout: float = number(
@@ -60,9 +60,20 @@ class PacingSettings:
     )
 
     def __attrs_post_init__(self) -> None:
+        self.expected_readers()
+
+    def check_length(self) -> None:
+        """
+        Refuse a run in lockstep without a length.
+
+        Raises
+        ------
+        SettingError
+            Names ``steps``.
+
+        """
         if self.lockstep and self.steps == 0:
             raise SettingError('steps', 0, 'the length of the run, above 0, in lockstep')
-        self.expected_readers()
 
     @property
     def period(self) -> float:

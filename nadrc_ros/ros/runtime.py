@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 import fcntl
 from functools import partial
 import gc
@@ -14,10 +14,11 @@ import sys
 import tempfile
 import time
 import traceback
-from typing import IO
+from typing import Any, IO
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.ros.arguments import refuse_malformed, rules_of, tell_unused
+from nadrc_ros.ros.children import end_with_parent
 from nadrc_ros.ros.command_line import About, NodeParser
 from nadrc_ros.ros.node import LiveNode
 from nadrc_ros.ros.versions import choose_transport, make_executor, spin_for, spin_until_over
@@ -105,8 +106,25 @@ def stop_signals() -> list[int]:
     return ends
 
 
+@contextmanager
+def stop_signals_go_to(handler: Callable[[int, Any], Any] | signal.Handlers) -> Iterator[None]:
+    """Let another handler have the signals that ask for a stop."""
+    numbers = stop_signals()
+    before = [signal.signal(number, handler) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, earlier in zip(numbers, before):
+            signal.signal(number, earlier)
+
+
 def init_ros(arguments: list[str] | None = None, context: Context | None = None) -> None:
-    """Start ROS with signals left to us, over UDP unless the environment says otherwise."""
+    """
+    Start ROS with signals left to us, over UDP unless the environment says otherwise.
+
+    A process that was started by a command of this package ends when that is killed.
+    """
+    end_with_parent()
     choose_transport()
     arguments = list(sys.argv if arguments is None else arguments)
     if complaint := _no_log_file():

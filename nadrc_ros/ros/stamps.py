@@ -209,8 +209,9 @@ class Departures:
     ago as the stamp is old, however late it comes. A clock is not ours if a stamp is from the
     future, if the first one is older than any way here takes, or if it goes back while the
     publication numbers go on: then the least delay so far is taken for none, and is followed as
-    clocks drift. So a step of a clock moves no sample by more than what it is late. Without a
-    stamp a sample left when it came.
+    clocks drift. A first sample may have lain there: the clock is ours after all if in the second
+    after it one comes that tells so. So a step of a clock moves no sample by more than what it is
+    late. Without a stamp a sample left when it came.
 
     ``offset`` tells how far the clock of stamps on this machine is ahead of the steady one [ns];
     ``clock_jumps`` counts how often the clock of the publisher turned out to be another one.
@@ -220,6 +221,7 @@ class Departures:
         self.clock_jumps = 0
         self._offset = offset
         self._behind = 0  # so much the publisher's clock is behind ours [ns]
+        self._unsure = False  # of that, as a first sample may have lain there
         self._last: tuple[int, int | None] | None = None
         self._least, self._count, self._since = 0, 0, 0
 
@@ -237,10 +239,13 @@ class Departures:
             follows = number is None or last[1] is None or number > last[1]
             another = follows and stamp < last[0] - _JUMP
         if another or delay < -_FUTURE:
-            # By less it is that what seemed another clock was a first sample that lay there.
-            self.clock_jumps += last is not None and (another or delay < -_JUMP)
-            self._behind += delay
-            delay = self._count = 0
+            behind = self._behind + delay
+            ours = self._unsure and -_FUTURE <= behind <= _JUMP
+            # By less than a jump it may be one of several samples that lay there.
+            self.clock_jumps += not ours and last is not None and (another or delay < -_JUMP)
+            self._behind, delay = (0, behind) if ours else (behind, 0)
+            self._unsure = last is None or (self._unsure and not ours)
+            self._count = 0
         self._follow(delay, now)
         return now - max(delay, 0)
 
@@ -253,7 +258,7 @@ class Departures:
         if self._count >= _FEW and now - self._since >= _LEARN:
             if self._behind or self._least > _JUMP:
                 self._behind += self._least
-            self._count = 0
+            self._count, self._unsure = 0, False
 
 
 class Losses:

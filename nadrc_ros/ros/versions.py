@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import functools
+from importlib.metadata import PackageNotFoundError, version
 import os
 import time
 from typing import Any
@@ -24,6 +25,17 @@ _POLL = 0.05
 # So much longer than asked for may a spin take that waits for one callback [s].
 _LONGEST_WAIT = 0.02
 _LONG = 60.0
+
+
+def distribution() -> str:
+    """Return the name of this ROS distribution: the one that is sourced, or that of the wheels."""
+    if sourced := os.environ.get('ROS_DISTRO'):
+        return sourced
+    try:
+        version('ros-kilted-rclpy')
+    except PackageNotFoundError:
+        return 'jazzy'
+    return 'kilted'
 
 
 def make_executor(context: Context | None = None) -> Executor:
@@ -45,8 +57,8 @@ def spin_for(executor: Executor, seconds: float, done: Future | None = None) -> 
 
     An untimed spin of the EventsExecutor never returns (a time overflow, mended in 7.1.8; still so
     in 9.1.2), so nothing here spins without a timeout. Nor do the others spin until a future is
-    complete: with every callback they would add one more to those of the future. They take one
-    callback at a time, and look anew at all that a node has whenever the timeout is another one.
+    complete: before 7.7.0 they add one more to those of the future with every callback. They take
+    one callback at a time, and look anew at all that a node has whenever the timeout changes.
     """
     done = done or Future()
     if not isinstance(executor, Executor):
@@ -90,6 +102,30 @@ def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., 
         callback(message, info)
 
     return call
+
+
+def guard_transitions(node: Any, refuse: Callable[[str], None]) -> None:
+    """
+    Have a managed node refuse a transition that its state does not allow, and say which it does.
+
+    Before rclpy 8.0.0 such a request raises in the callback and so ends the node.
+    """
+    service = node._service_change_state
+    change = service.callback
+
+    def answer(request: Any, response: Any) -> Any:
+        wanted, machine = request.transition, node._state_machine
+        possible = {number: label for number, label, *_ in machine.available_transitions}
+        if wanted.label in possible.values() or (not wanted.label and wanted.id in possible):
+            return change(request, response)
+        refuse(
+            f'the transition {wanted.label or wanted.id} is not possible while '
+            f'{machine.current_state[1]}; possible: {", ".join(possible.values()) or "none"}'
+        )
+        response.success = False
+        return response
+
+    service.callback = answer
 
 
 def choose_transport() -> None:

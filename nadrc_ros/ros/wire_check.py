@@ -116,7 +116,7 @@ def fields_now(topic: str, wait: float) -> tuple[str, list[tuple[str, float]]]:
     try:
         return kind, list(numbers_in(came[0], kind, members_of))
     except Malformed:
-        raise UserError(f'{topic}: what came is no {kind}') from None
+        raise UserError(f'{topic}: the message is no {kind}') from None
 
 
 def check_wiring(parameters: Mapping[str, Any], namespace: str, seconds: float) -> list[Heard]:

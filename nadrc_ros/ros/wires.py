@@ -9,6 +9,7 @@ from typing import Any
 
 import attrs
 from nadrc_ros.adrc.errors import near_to, UserError
+from nadrc_ros.ros.versions import distribution
 from nadrc_ros.wiring.address import Address, AddressError, full_type, GRAMMAR
 from nadrc_ros.wiring.layout import Members
 from nadrc_ros.wiring.reader import Reader
@@ -50,7 +51,7 @@ def missing_type(name: str) -> str:
     try:
         there = import_module(f'{package}.msg')
     except ImportError:
-        wheel = f'ros-jazzy-{package.replace("_", "-")}'
+        wheel = f'ros-{distribution()}-{package.replace("_", "-")}'
         return f'the message package {package} is not installed: {wheel} has it (apt or pip)'
     near = near_to(kind, [each for each in dir(there) if each[0].isupper()])
     return f'{package} has no message {kind}' + (f': did you mean {near}?' if near else '')

@@ -48,7 +48,7 @@ def spin_until(
     Run callbacks until ``condition()`` holds, and return it.
 
     It is looked at every few milliseconds, and when ``done`` completes. The spin itself always has
-    a timeout, as an untimed one of the EventsExecutor of rclpy 7.1.6 never ends.
+    a timeout, as an untimed one of the EventsExecutor never ends.
 
     Raises
     ------

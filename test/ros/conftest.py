@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 import signal
 import sys
+from typing import Any
 
 from nadrc_ros.testing import private_domain
 from probe import Probe, Processes
@@ -21,6 +22,14 @@ _names = count(1)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the soak, which takes longest: begun last, it would run on alone."""
     items.sort(key=lambda item: 'test_graph_soak' not in item.nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Tell what ended a process of the tests: xdist says only that it is gone."""
+    if error:
+        status = node.gateway._io.popen.wait(10.0)
+        print(f'\n{node.gateway.id} ended with {status} (of a signal: its number, negative)')
 
 
 private_domain()

@@ -89,4 +89,6 @@ def test_p11_enabling_begins_with_the_reported_command_and_goes_on_with_our_own(
     reporting = False
     probe.wait_until(lambda: node.report()[2]['applied'] == 'own')
     probe.wait_until(lambda: node.report()[2]['feed_forward'] == 0.0)
+    watched = {each.topic.rsplit('/', 1)[-1]: each.regular for each in node.inputs}
+    assert watched['drive'] and not watched['feed_forward']  # a cable, and what may rest
     timer.cancel()

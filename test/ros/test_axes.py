@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-from nadrc_ros.nodes.axes import axis_namespace
+from nadrc_ros.nodes.axes import axis_spaces
 from nadrc_ros.ros.runtime import LOCKED_UP
 from probe import NodeProcess, parameter_file, Probe, Processes
 import pytest
@@ -152,9 +152,13 @@ def test_an_axis_that_is_refused_is_named_and_leaves_nothing_of_the_others(
 
 
 def test_what_an_axis_is_called_composes_with_the_namespace_of_the_command_line() -> None:
-    assert axis_namespace('x', ['-r', 'a:=b']) == '/x'
-    assert axis_namespace('x', ['-r', '__ns:=/robot']) == '/robot/x'
-    assert axis_namespace('x', ['-r', 'controller:__ns:=/', '-r', '__ns:=/late']) == '/x'
+    def space(*rules: str) -> str:
+        return axis_spaces(['controller', '--axes', 'x', '--ros-args', *rules])['x']
+
+    assert space('-r', 'a:=b') == '/x'
+    assert space('-r', '__ns:=/robot') == '/robot/x'
+    assert space('-r', 'controller:__ns:=/', '-r', '__ns:=/late') == '/x'
+    assert axis_spaces(['controller']) == {}
 
 
 def test_the_help_explains_the_axes_and_a_misspelt_option_is_a_usage_error() -> None:

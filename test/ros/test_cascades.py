@@ -10,8 +10,9 @@ from typing import Any
 
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.status import Cause, Mode
+from nadrc_ros.nodes.axes import axis_of
 from nadrc_ros.nodes.cascades import make_joined
-from nadrc_ros.nodes.controller import Axis, ControllerNode
+from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.nodes.plant import PlantNode
 from nadrc_ros.records.step_trace import replay
 from nadrc_ros.ros.topics import receive
@@ -69,7 +70,10 @@ def joined(probe: Probe, **changes: dict[str, Any]) -> dict[str, ControllerNode]
 
     def make(name: str, first: ControllerNode | None) -> ControllerNode:
         space = f'{probe.namespace}/{name}'
-        return Axis(first, list(loops), space, parameters={**loops[name], 'share_command': True})
+        return axis_of(ControllerNode, first, list(loops))(
+            namespace=space,
+            parameters={**loops[name], 'share_command': True},
+        )
 
     nodes = dict(zip(loops, make_joined(list(loops), make)))
     for node in nodes.values():
@@ -183,6 +187,14 @@ def test_a_sensor_has_no_derivative_that_the_plant_does_not_have(make_probe: Mak
         (
             {name: {'trigger': 'measurement'} for name in LOOPS},
             'axis velocity: trigger = .measurement.: must be timer with reference_from',
+        ),
+        (
+            {name: {'pacing': 'lockstep'} for name in LOOPS},
+            'axis velocity: pacing = .lockstep.: must be realtime with reference_from',
+        ),
+        (
+            {name: {'pacing': 'lockstep', 'reference_from': ''} for name in LOOPS},
+            'axis velocity: steps = 0: must be the length',
         ),
         ({'position': {'rate': 50.0}}, 'axis position: rate is 100.0 for'),
         (

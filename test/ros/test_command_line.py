@@ -112,7 +112,7 @@ def test_what_is_for_nobody_on_a_command_line_is_refused(
 def test_without_ros_one_sentence_says_so(node: str) -> None:
     told = run('-c', WITHOUT.format('rclpy', node))
     assert told.returncode == 1
-    assert told.stderr.startswith(f'error: the {node} needs ROS 2 Jazzy, which is not here')
+    assert told.stderr.startswith(f'error: the {node} needs ROS 2 Jazzy or Kilted, which is')
     assert len(told.stderr.splitlines()) == 1
 
 

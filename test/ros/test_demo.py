@@ -8,6 +8,7 @@ import re
 import signal
 
 from files_helpers import differences, document, files_of
+from live_loop import address_in, Page, until
 from nadrc_ros.demo.run import run_lockstep, run_realtime
 from nadrc_ros.scenario import loads
 from nadrc_ros.scenario.user_code import ScenarioError
@@ -73,7 +74,7 @@ def test_two_controllers_run_side_by_side_and_are_retuned(tmp_path: Path) -> Non
 README = (Path(__file__).parents[2] / 'README.md').read_text(encoding='utf-8')
 
 
-@pytest.mark.parametrize('command', re.findall('^nadrc (demo .*)$', README, re.MULTILINE))
+@pytest.mark.parametrize('command', re.findall('^nadrc (demo [^#\n]*)', README, re.MULTILINE))
 def test_the_demo_of_the_front_page_runs(command: str, tmp_path: Path, start: Processes) -> None:
     process = start.run('demo', '-m', 'nadrc_ros.cli', *command.split(), '--out', str(tmp_path))
     assert process.end(120.0) == 0, process.said
@@ -106,12 +107,15 @@ def test_a_cascade_is_refused_before_anything_runs(tmp_path: Path) -> None:
 def test_interrupted_a_demo_ends_with_130_and_leaves_nobody(
     moment: str, probe: Probe, start: Processes
 ) -> None:
-    process, out = demo(start)
+    process, out = demo(start, '--live')
     if moment == 'starting':
         probe.wait_until(lambda: len(children_in(out)) >= 3)  # with the demo itself
     else:
         probe.wait_until(lambda: list(out.glob('two/runs/*/samples.csv')))
         probe.wait_until(lambda: len(children_in(out)) == 9)  # with the demo itself
+        page = Page(address_in(process))
+        assert page.hello['node'] == '/one/controller'
+        until(lambda: len(page.blocks) > 3)
     process.signal(signal.SIGINT)
     if moment == 'running':  # stopping takes a while then: an impatient user asks again
         probe.spin(0.05)
@@ -122,6 +126,10 @@ def test_interrupted_a_demo_ends_with_130_and_leaves_nobody(
     said = 'error: interrupted' + (': the runs are kept in ' if kept else '') + ', '.join(kept)
     assert said in process.said and (kept or moment == 'starting')
     probe.wait_until(lambda: not children_in(out))
+    if moment == 'running':
+        assert until(lambda: page.closed) and len(re.findall('token=', process.said)) == 2
+        with pytest.raises(ConnectionRefusedError):
+            page.get('/')
 
 
 RUNAWAY = """

@@ -53,6 +53,8 @@ def test_every_change_of_state_is_an_event_with_its_time(
     probe.wait_until(
         lambda: probe.said() and probe.said()[-1][2]['cause'] == 'measurement_timeout'
     )
+    rows = node.figures.rows
+    probe.wait_until(lambda: node.figures.rows > rows + 50)  # a gap, whatever stalls there were
     assert probe.set('plant', **{SILENT: 'none'}) == ['']
     probe.wait_until(lambda: cause(probe) == 'none')
     assert probe.trigger('controller/reset').success

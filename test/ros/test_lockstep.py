@@ -171,8 +171,9 @@ def test_a_silent_input_ends_the_run_by_name(
     probe: Probe, start: Processes, namespace: str
 ) -> None:
     commands = probe.listen('command')
-    process = start('controller', **LOCKSTEP, lockstep_timeout=4.0, safe_command=1.5)
     plant = start('plant', **LOCKSTEP, readers='measurement: controller')
+    probe.wait_until(lambda: probe.node.count_publishers(f'{namespace}/measurement'))
+    process = start('controller', **LOCKSTEP, lockstep_timeout=4.0, safe_command=1.5)
     assert probe.end_of(process) == 1
     assert f'{namespace}/reference' in process.said
     assert f'{namespace}/measurement' not in process.said  # the plant did send its first

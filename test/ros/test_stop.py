@@ -84,8 +84,8 @@ class Lasting(node.LiveNode):
 
 raise SystemExit(runtime.run(Lasting))
 """
-# Slack for a machine that has other things to do; promised is 1 s.
-SLACK = 3.0
+# Promised is 1 s; a busy machine takes some more, and the whole ramp that is cut short 13 s.
+SLACK = 6.5
 
 
 def run_loop(probe: Probe, start: Processes, **settings: float) -> tuple[list[float], NodeProcess]:

@@ -1,4 +1,4 @@
-"""The README's five minutes, taken literally, with and without the command `ros2`."""
+"""The tour of the first tutorial, taken literally, with and without the command `ros2`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import re
 import shlex
 import subprocess
+import sys
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -23,8 +24,8 @@ TYPES: dict[str, Any] = {'/diagnostics': DiagnosticArray}
 
 def lines_of_the_tour() -> list[str]:
     """Return the lines of the code blocks up to where the same is done without `ros2`."""
-    text = (ROOT / 'README.md').read_text(encoding='utf-8')
-    section = text.split('## Five minutes')[1].split('Without `ros2`')[0]
+    text = (ROOT / 'docs' / 'tutorial_laptop.md').read_text(encoding='utf-8')
+    section = text.split('## With the `ros2` command')[1].split('Without `ros2`')[0]
     blocks = re.findall(r'```bash\n(.*?)```', section, re.DOTALL)
     return [line for block in blocks for line in block.splitlines()]
 
@@ -96,7 +97,7 @@ def clean(**more: str) -> dict[str, str]:
 
 @pytest.mark.parametrize(
     'command',
-    ['.venv/bin/nadrc', 'source install/local_setup.bash; nadrc'],
+    [f'{Path(sys.prefix).name}/bin/nadrc', 'source install/local_setup.bash; nadrc'],
     ids=['after make', 'sourced'],
 )
 def test_nadrc_is_found_where_the_pages_say(command: str) -> None:

@@ -11,7 +11,8 @@ from nadrc_ros.adrc.controller import Controller
 from nadrc_ros.adrc.errors import UserError
 from nadrc_ros.adrc.fields import build
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.nodes.controller import Axis, ControllerNode
+from nadrc_ros.nodes.axes import axis_of
+from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.ros.topics import SEND
 from probe import parameter_file, Probe, Processes
 import pytest
@@ -48,7 +49,11 @@ def axes(make: Make, **parameters: Any) -> tuple[Probe, list[Any], list[Any]]:
             **parameters,
         )
         first = nodes[0] if nodes else None
-        nodes.append(Axis(first, (), f'{probe.namespace}/{name}', parameters=given))
+        nodes.append(
+            axis_of(ControllerNode, first, ())(
+                namespace=f'{probe.namespace}/{name}', parameters=given
+            )
+        )
     for node in nodes:
         probe.add(node)
     probe.wait_until(lambda: nodes[0]._command.has_readers)
@@ -111,12 +116,16 @@ def test_axes_on_one_timer_send_one_message_a_period(make_probe: Make) -> None:
 
 def test_an_element_that_another_axis_commands_is_refused(make_probe: Make) -> None:
     probe = make_probe()
-    first = probe.add(Axis(None, (), f'{probe.namespace}/x', parameters=wired()))
+    first = probe.add(ControllerNode(namespace=f'{probe.namespace}/x', parameters=wired()))
     with pytest.raises(UserError, match='another axis of this process commands it'):
-        Axis(first, (), f'{probe.namespace}/x', node_name='other', parameters=wired())
+        axis_of(ControllerNode, first, ())(
+            namespace=f'{probe.namespace}/x', node_name='other', parameters=wired()
+        )
     fill = wired(wiring_fill=1.0, wiring_command='efforts std_msgs/Float64MultiArray data[0]')
     with pytest.raises(UserError, match='are one for all axes'):
-        Axis(first, (), f'{probe.namespace}/x', node_name='third', parameters=fill)
+        axis_of(ControllerNode, first, ())(
+            namespace=f'{probe.namespace}/x', node_name='third', parameters=fill
+        )
 
 
 def test_p14_a_signal_sends_all_elements_to_their_safe_commands(

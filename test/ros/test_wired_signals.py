@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from importlib import metadata
 from math import cos, nan, sin
 import random
 import signal
@@ -19,7 +20,7 @@ from nadrc_ros.nodes.controller import ControllerNode
 from nadrc_ros.ros.diagnostics import WARN
 from nadrc_ros.ros.exchange import Exchange
 from nadrc_ros.ros.topics import receive, RECORD, SEND, Sender
-from nadrc_ros.ros.wires import make_wire
+from nadrc_ros.ros.wires import make_wire, missing_type
 from nadrc_ros.wiring.address import parse_address
 from nav_msgs.msg import Odometry
 from probe import Probe, Processes
@@ -41,6 +42,18 @@ from wired import (
     steps,
     wired,
 )
+
+
+def test_a_missing_message_package_is_named_for_the_distribution_that_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    wheels = {each.name for each in metadata.distributions()}
+    for name in ('jazzy', 'kilted'):
+        if f'ros-{name}-rclpy' in wheels:
+            assert f': ros-{name}-own-msgs has it' in missing_type('own_msgs/msg/X')
+    monkeypatch.setenv('ROS_DISTRO', 'lyrical')
+    assert ': ros-lyrical-own-msgs has it' in missing_type('own_msgs/msg/X')
 
 
 @pytest.mark.parametrize('executor', [None, SingleThreadedExecutor])
@@ -75,7 +88,7 @@ def refused(make: Make, **parameters: Any) -> str:
 
 REFUSED = [
     ({'wiring_measurement': 'joints position'}, 'nobody has a topic', '/probe_topic std_msgs'),
-    ({'wiring_measurement': '/x own_msgs/X y'}, 'own_msgs is not installed', 'ros-jazzy-own-msgs'),
+    ({'wiring_measurement': '/x own_msgs/X y'}, 'own_msgs is not installed', '-own-msgs has it'),
     ({'wiring_reference': '/x sensor_msgs/Imo y'}, 'has no message Imo', 'did you mean Imu?'),
     ({'wiring_measurement': '/x sensor_msgs/Imu y'}, 'wiring.measurement', 'there are header'),
     ({'wiring_measurement': '/x sensor_msgs/JointState position'}, 'which element', '[name=...]'),
