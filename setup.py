@@ -2,6 +2,7 @@
 
 from glob import glob
 import sys
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
@@ -9,7 +10,7 @@ NAME = 'nadrc_ros'
 # What the benches compare with.
 RIVALS = ['control==0.10.2', 'pyadrc==0.6.1', 'simple-pid==2.0.1']
 # What the site in out/docs is built with.
-SITE = ['furo', 'myst-parser', 'sphinx']
+SITE = ['furo', 'latex2mathml', 'myst-parser', 'sphinx']
 # The searches of `nadrc tune`: front, budget, swarm.
 TUNE = ['optuna>=5,<6', 'cmaes', 'pymoo']
 # The page of `nadrc report`.
@@ -19,6 +20,21 @@ MUJOCO = ['mujoco']
 # The article of `make paper`.
 PAPER = ['jinja2', 'latex2mathml']
 NODES = ('controller', 'plant', 'reference', 'recorder')
+# The last four are what signals are wired to most.
+MESSAGES = (
+    *('std-msgs', 'std-srvs', 'diagnostic-msgs'),
+    *('geometry-msgs', 'nav-msgs', 'sensor-msgs', 'trajectory-msgs'),
+)
+
+
+def ros_wheels(distribution: str, rclpy: str, messages: str) -> list[str]:
+    """Return what is ROS 2 itself on PyPI, for x86-64 Linux only, where none is installed."""
+    return [
+        f'ros-rclpy[fastrtps]=={rclpy}',
+        f'ros-{distribution}-rclpy=={rclpy}',
+        *(f'ros-{distribution}-{package}=={messages}' for package in MESSAGES),
+    ]
+
 
 # colcon calls `setup.py install` or `develop`, and setup.cfg puts the scripts into lib/nadrc_ros.
 # pip builds a wheel, whose scripts go into the bin/ that all packages share: there the nodes are
@@ -28,7 +44,7 @@ PREFIX = '' if COLCON else 'nadrc-'
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version=ElementTree.parse('package.xml').findtext('version'),
     description='Active disturbance rejection control with nested extended state observers',
     license='Apache-2.0',
     maintainer='nadrc_ros maintainers',
@@ -58,20 +74,8 @@ setup(
         'typer',
     ],
     extras_require={
-        # ROS 2 Jazzy itself from PyPI, where no ROS is installed: x86-64 Linux only.
-        # Without the pin, ros-rclpy would be the one of a later ROS distribution.
-        'wheels': [
-            'ros-rclpy[fastrtps]==7.1.6',
-            'ros-jazzy-rclpy==7.1.6',
-            'ros-jazzy-std-msgs==5.3.6',
-            'ros-jazzy-std-srvs==5.3.6',
-            'ros-jazzy-diagnostic-msgs==5.3.6',
-            # what signals are wired to most
-            'ros-jazzy-geometry-msgs==5.3.6',
-            'ros-jazzy-nav-msgs==5.3.6',
-            'ros-jazzy-sensor-msgs==5.3.6',
-            'ros-jazzy-trajectory-msgs==5.3.6',
-        ],
+        'jazzy': ros_wheels('jazzy', rclpy='7.1.6', messages='5.3.6'),
+        'kilted': ros_wheels('kilted', rclpy='9.1.2', messages='5.5.1'),
         'speed': ['numba'],
         'sweep': ['dask[distributed]', 'pyarrow'],
         'bags': ['rosbags'],
@@ -82,6 +86,7 @@ setup(
             'axe-playwright-python',
             'playwright',
             'pytest',
+            'pytest-rerunfailures',
             'pytest-xdist',
             'hypothesis',
             *RIVALS,
@@ -101,7 +106,7 @@ setup(
             'ruff',
             'mypy',
             'types-PyYAML',
-            # what ament_flake8 and ament_pep257 of Jazzy run; their wheels do not name it
+            # what ament_flake8 and ament_pep257 run; their wheels do not name it
             'ros-ament-flake8==0.17.3',
             'ros-ament-pep257==0.17.3',
             'pydocstyle',

@@ -8,6 +8,7 @@ from pathlib import Path
 import re
 from shutil import copy2
 from subprocess import run
+import sys
 from xml.etree import ElementTree
 
 from nadrc_ros.extras import EXTRAS
@@ -35,7 +36,24 @@ def test_what_a_command_says_to_install_is_what_setup_says() -> None:
 
 def test_there_is_one_version() -> None:
     version = MANIFEST.findtext('version')
-    assert f"version='{version}'" in SETUP
+    assert version == '0.2.0' and version not in SETUP
+    asked = [sys.executable, 'setup.py', '--version']
+    done = run(asked, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-1] == version
+    log = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    assert re.search(rf'^{re.escape(version)} \(\d{{4}}-\d\d-\d\d\)\n-+$', log, re.MULTILINE)
+
+
+def test_every_dependency_is_a_key_of_rosdep() -> None:
+    rows = (ROOT / 'test' / 'data' / 'rosdep.csv').read_text(encoding='utf-8').splitlines()
+    keys = dict(row.split(',') for row in rows if not row.startswith('#'))
+    asked = {element.text for element in MANIFEST if element.tag.endswith('depend')}
+    assert asked == set(keys)
+    python = {key for key, debian in keys.items() if not debian.startswith('ros-')}
+    required = re.search(r'install_requires=\[(.*?)\]', SETUP, re.DOTALL)
+    assert required is not None
+    wanted = set(re.findall(r"'(\w+)'", required[1].lower())) - {'setuptools'}
+    assert wanted <= {key.removeprefix('python3-').replace('yaml', 'pyyaml') for key in python}
 
 
 def test_the_manifest_is_an_ament_python_package() -> None:
