@@ -13,6 +13,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 import attrs
+from docutils.nodes import SkipNode
+from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,10 +27,19 @@ extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
 root_doc = 'README'
 include_patterns = ['*.md', 'CHANGELOG.rst', 'docs/*.md']
 myst_heading_anchors = 3
+myst_enable_extensions = ['dollarmath', 'html_image']
+html_math_renderer = 'mathml'
 autodoc_member_order = 'bysource'
 autodoc_typehints_format = 'short'
 # There is no network at build time: names of other packages cannot be looked up.
-nitpick_ignore_regex = [('py:.*', r'(?!nadrc_ros).*')]
+nitpick_ignore_regex = [
+    ('py:.*', r'(?!nadrc_ros).*'),
+    # Types of results, which api.md leaves out.
+    (
+        'py:(class|mod)',
+        r'nadrc_ros\.(tuning|simulation|records|scenario|adrc\.(commission|fields))\..*',
+    ),
+]
 
 smartquotes = False  # y' is a derivative
 
@@ -41,15 +52,23 @@ html_show_copyright = False
 
 # The pages by purpose; Sphinx names a page that is in none of them.
 CONTENTS = {
+    'Tutorials': 'docs/tutorial_laptop docs/tutorial_motor docs/tutorial_log',
     'How-to': (
-        'troubleshooting commission live identify choosing tuning report recording wiring cascade '
-        'angles reference feed_forward applied delay known_dynamics vibration gain_table '
-        'rest own testing export'
+        'docs/install docs/robot docs/first_run docs/troubleshooting docs/commission docs/live '
+        'docs/choosing docs/identify docs/tuning docs/compare docs/report docs/recording '
+        'docs/wiring docs/axes docs/cascade docs/angles docs/reference docs/delay '
+        'docs/known_dynamics docs/vibration docs/gain_table docs/rest docs/applied '
+        'docs/feed_forward docs/managed docs/realtime docs/own docs/testing docs/export'
     ),
-    'Reference': 'commands parameters scenarios files nomenclature live_protocol api',
-    'Explanation': 'paper safety performance architecture',
+    'Reference': (
+        'docs/parameters docs/commands docs/scenarios docs/files docs/nomenclature docs/api '
+        'docs/live_protocol'
+    ),
+    'Explanation': (
+        'docs/observers docs/nesting docs/safety docs/performance docs/architecture docs/paper'
+    ),
+    'Project': 'CONTRIBUTING CHANGELOG SECURITY QUALITY_DECLARATION docs/cite',
 }
-PROJECT = 'CONTRIBUTING CHANGELOG SECURITY QUALITY_DECLARATION'
 
 
 def _contents(caption: str, pages: list[str]) -> str:
@@ -63,8 +82,7 @@ def _add_contents(_: Sphinx, page: str, source: list[str]) -> None:
     """Give the README the contents of the site, which GitHub would show as they are."""
     if page == root_doc:
         for caption, pages in CONTENTS.items():
-            source[0] += _contents(caption, [f'docs/{page}' for page in pages.split()])
-        source[0] += _contents('Project', PROJECT.split())
+            source[0] += _contents(caption, pages.split())
 
 
 def _copy_start(app: Sphinx, error: Exception | None) -> None:
@@ -84,8 +102,21 @@ def _shorten(_: Sphinx, kind: str, __: str, thing: Any, *___: Any) -> tuple[str,
     return ('(**fields)', None) if kind == 'class' and attrs.has(thing) else None
 
 
+def _inline_math(writer: Any, node: Any) -> None:
+    """Write a formula as MathML, which browsers draw by themselves."""
+    writer.body.append(convert(node.astext()))
+    raise SkipNode
+
+
+def _block_math(writer: Any, node: Any) -> None:
+    """Write a formula that stands alone."""
+    writer.body.append(convert(node.astext(), display='block'))
+    raise SkipNode
+
+
 def setup(app: Sphinx) -> None:
     """Connect the above."""
+    app.add_html_math_renderer('mathml', (_inline_math, None), (_block_math, None))
     app.connect('source-read', _add_contents)
     app.connect('autodoc-process-docstring', _escape, priority=900)  # after napoleon
     app.connect('autodoc-process-signature', _shorten)

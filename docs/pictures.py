@@ -3,7 +3,7 @@ Draws the pictures of runs that README and docs show: `python docs/pictures.py [
 
 Each page on a single feature has a scenario of its own in examples/loops, whose controllers are
 compared: output with reference above, command below, in docs/NAME.svg. A test draws all of them
-anew and compares their texts and lines.
+anew and compares their texts and lines. Those of observers.md have theirs in examples/observers.
 """
 
 from __future__ import annotations
@@ -42,7 +42,22 @@ PAGES: dict[str, tuple[float, float]] = {
     'reference': (0.2, 2.8),
     'delay': (0.3, 4.0),
 }
-NAMES = ('demo', 'choosing', *PAGES)
+# Picture of observers.md -> what its panels show: a title, and the columns.
+OBSERVERS = {
+    'estimate': [
+        ('output y and reference r', 'output', 'reference'),
+        ('load and its estimate', 'disturbance_estimate', 'total_disturbance'),
+    ],
+    'bandwidth': [
+        ('load and its estimates', 'disturbance_estimate', 'total_disturbance'),
+        ('command u', 'command', ''),
+    ],
+    'nested': [
+        ('load and its estimates', 'disturbance_estimate', 'total_disturbance'),
+        ('output y, wanted at 0', 'output', ''),
+    ],
+}
+NAMES = ('demo', 'choosing', *OBSERVERS, *PAGES)
 # Detail of a line that is left out [px]: nobody sees it, and files are smaller.
 _SIMPLIFIED = 0.15
 
@@ -96,11 +111,36 @@ def feature(page: str) -> Figure:
     return figure
 
 
+def observers(name: str) -> Figure:
+    """Return a picture of observers.md; small, since the README shows it in a row."""
+    runs = runs_of(SCENARIOS.with_name('observers') / f'{name}.yaml')
+    with rc_context(STYLE):
+        figure = Figure(figsize=(5.0, 3.8), layout='constrained')
+        panels = figure.subplots(2, 1, sharex=True)
+        for axes, (title, column, truth) in zip(panels, OBSERVERS[name]):
+            axes.set_title(title)
+            if truth:
+                first = next(iter(runs.values()))
+                dashed = {'color': REFERENCE, 'linestyle': '--', 'label': truth.split('_')[-1]}
+                axes.plot(first.time, first.column(truth), **dashed)
+            for run, look in looks_of(runs).items():
+                label = run.replace('_', ' ') if len(runs) > 1 else column.split('_')[-1]
+                line = {'color': look.colour, 'label': label}
+                axes.plot(runs[run].time, runs[run].column(column), **line)
+            low, high = axes.get_ylim()
+            axes.set_ylim(low, high + 0.3 * (high - low))  # where the legend is
+            axes.legend(loc='upper right', ncols=3, columnspacing=1.0)
+        panels[-1].set_xlabel('time [s]')
+    return figure
+
+
 def figure(name: str) -> Figure:
     """Return a picture."""
     special = {'demo': demo, 'choosing': choosing}
     with rc_context({'path.simplify_threshold': _SIMPLIFIED}):
-        return special[name]() if name in special else feature(name)
+        if name in special:
+            return special[name]()
+        return observers(name) if name in OBSERVERS else feature(name)
 
 
 def svg(figure: Figure) -> bytes:

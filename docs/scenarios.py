@@ -11,8 +11,8 @@ PAGE = Path(__file__).with_name('scenarios.md')
 CONFIG = PAGE.parents[1] / 'config'
 INTRODUCTION = """# Scenarios
 
-What comes with the package, made from the files by `python docs/scenarios.py`. Each runs by its
-name, offline or as ROS 2 processes:
+Here you find the scenarios that come with the package, to run them and to copy one as the start of
+yours. Each runs by its name, offline or as ROS 2 processes (made by `python docs/scenarios.py`):
 
 ```bash
 nadrc simulate altitude --plot altitude.png --json altitude.json

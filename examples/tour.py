@@ -1,5 +1,5 @@
 """
-The README's five minutes without the command `ros2`, which the ROS 2 wheels do not bring.
+The tour of the first tutorial without the command `ros2`, which the ROS 2 wheels do not bring.
 
     .venv/bin/python examples/tour.py
 

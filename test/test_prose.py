@@ -22,6 +22,11 @@ WORDS = {
     r'\bas ever\b': 'leave it out',
     r'\bseldom\b': 'rarely, less often',
     r'\bto the letter\b': 'literally',
+    r'\bshall\b': 'must, is to',
+    r'\bas told\b': 'as given',
+    r'\bnobody knows\b': 'is unknown',
+    r'\bcomes? to nothing\b': 'has no effect',
+    r'\b(?:does|do) not tell\b': 'does not show, contain, determine',
     r', perhaps\b': 'did you mean',
     r"'s own and stays": 'left unchanged',
     r'\w*(?:[Cc]olour|[Bb]ehaviour|[Nn]eighbour|[Ff]avour|[Hh]onour)\w*': '-or',
@@ -89,6 +94,15 @@ def test_messages_and_help_are_plain() -> None:
     assert {path: flaws for path, flaws in said.items() if flaws} == {}
 
 
+PAGES_TO_READ = [page for page in PAGES if page.parent.name == 'docs']
+
+
+@pytest.mark.parametrize('page', PAGES_TO_READ, ids=lambda path: path.name)
+def test_a_page_says_at_its_top_what_its_reader_can_do(page: Path) -> None:
+    title, first, *_ = page.read_text(encoding='utf-8').split('\n\n')
+    assert title.startswith('# ') and re.search(r'\b[Yy]our?\b', first), first
+
+
 @pytest.mark.parametrize(
     'text',
     [
@@ -97,6 +111,7 @@ def test_messages_and_help_are_plain() -> None:
         'the behaviour of the loop',
         'it is optimised',
         'ten per cent',
+        'a step that shall settle',
     ],
 )
 def test_a_word_of_the_list_is_found(text: str) -> None:
