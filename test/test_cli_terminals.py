@@ -51,6 +51,13 @@ def test_an_output_of_ascii_shows_what_stands_for_the_rest(tmp_path: Path) -> No
     assert nadrc('design', '--help', PYTHONIOENCODING='latin-1').returncode == 0
 
 
+def test_a_mistyped_option_is_a_line_for_a_process_too() -> None:
+    done = nadrc('design', '--setling-time', '3')
+    said = done.stderr.splitlines()[0]
+    assert said == 'error: no such option: --setling-time; did you mean --settling-time?'
+    assert done.returncode == 2 and 'Traceback' not in done.stderr
+
+
 REPORT = ('report', 'log.csv', '--plot', 'log.png')
 
 
@@ -69,7 +76,7 @@ def test_a_reader_that_goes_away_is_no_news(arguments: tuple[str, ...], tmp_path
 @pytest.mark.parametrize('arguments', [DESIGN, ('--help',)], ids=lambda each: each[0])
 def test_a_full_disk_behind_the_output_is_one_line(arguments: tuple[str, ...]) -> None:
     with Path('/dev/full').open('w') as full:
-        done = nadrc(*arguments, stdout=full.fileno())
+        done = nadrc(*arguments, stdout=full.fileno(), PYTHONUNBUFFERED='')  # as users have it
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == 'error: output: No space left on device'
 

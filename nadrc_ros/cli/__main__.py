@@ -32,6 +32,17 @@ def main(words: list[str] | None = None) -> None:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     sys.unraisablehook = _interrupt_again
     try:
+        _run(words)
+    except SystemExit as end:
+        if end.code:
+            _drop_unwritten()
+        raise
+
+
+def _run(words: list[str] | None) -> None:
+    import sys
+
+    try:
         from nadrc_ros.cli.app import app
 
         app(words, prog_name='nadrc')
@@ -41,6 +52,18 @@ def main(words: list[str] | None = None) -> None:
         if isinstance(error, OSError):  # a full disk behind >
             sys.exit(f'error: output: {error.strerror}')
         raise
+
+
+def _drop_unwritten() -> None:
+    """Let go of output that cannot be written, of which the interpreter would complain again."""
+    import os
+    import sys
+
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:  # a full disk behind >
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _interrupt_again(unraisable: Any) -> None:

@@ -88,7 +88,7 @@ class _Commands(TyperGroup):
         try:
             code = super().main(*args, **(more | {'standalone_mode': False}))
         except _UsageError as refused:
-            words = more.get('args') or (args[0] if args else sys.argv[1:])
+            words = more.get('args') or next(iter(args), None) or sys.argv[1:]
             messages.error(_refusal(refused, list(words)))
             if refused.ctx is not None:
                 path = refused.ctx.command_path

@@ -1,12 +1,11 @@
 """`nadrc demo`: a scenario as real processes on the ROS graph."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TYPE_CHECKING
 
 from nadrc_ros.cli import called, options
 from nadrc_ros.cli.failure import reporting, tell_divergence, USER_ERROR
+from nadrc_ros.cli.live import pages_of, wait_for_ctrl_c
 from nadrc_ros.cli.messages import error, note, say, say_command, warning
 from nadrc_ros.cli.progress import progress
 import typer
@@ -83,7 +82,8 @@ def demo(
         if lockstep:
             runs = _in_lockstep(scenario, out)
         else:
-            with _pages(list(scenario.controllers) if live else []):
+            shown = [f'/{name}/controller' for name in scenario.controllers] if live else []
+            with pages_of(shown):
                 runs = _in_real_time(scenario, out, keep_open or live)
         recorded = {name: _recorded(scenario, name, run.folder) for name, run in runs.items()}
         for name, run in recorded.items():
@@ -117,50 +117,7 @@ def _in_real_time(scenario: 'Scenario', out: Path, keep_open: bool) -> 'dict[str
             shown = '  '.join(f'{name} {value:.3f}' for name, value in sorted(itae.items()))
             tell(now, f'ITAE {shown}' if shown else '')
 
-        return run_realtime(scenario, out, show, _wait_for_ctrl_c if keep_open else None)
-
-
-@contextmanager
-def _pages(loops: list[str]) -> Iterator[None]:
-    """Serve a page for each of the loops, in a process of its own that prints the address."""
-    import signal
-    import subprocess
-    import sys
-
-    from nadrc_ros.ros.runtime import stop_signals
-
-    command = [sys.executable, '-m', 'nadrc_ros.cli', 'live', '--port', '0']
-    pages = [
-        subprocess.Popen(
-            [*command, f'/{name}/controller'], stdin=subprocess.DEVNULL, start_new_session=True
-        )
-        for name in loops
-    ]
-    try:
-        yield
-    finally:
-        # A second Ctrl-C must not leave servers behind.
-        before = {number: signal.signal(number, signal.SIG_IGN) for number in stop_signals()}
-        for page in pages:
-            page.send_signal(signal.SIGINT)
-        for page in pages:
-            try:
-                page.wait(5.0)
-            except subprocess.TimeoutExpired:
-                page.kill()
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _wait_for_ctrl_c() -> None:
-    import time
-
-    note('the nodes go on until Ctrl-C')
-    try:
-        while True:
-            time.sleep(0.2)
-    except KeyboardInterrupt:
-        note('stopping')
+        return run_realtime(scenario, out, show, wait_for_ctrl_c if keep_open else None)
 
 
 def _in_lockstep(scenario: 'Scenario', out: Path) -> 'dict[str, Run]':

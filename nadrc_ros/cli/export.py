@@ -48,13 +48,13 @@ def export(
         bool, typer.Option('--measured-dt', help='Hand the time of each step over instead.')
     ] = False,
     single: Annotated[
-        bool, typer.Option('--float', help='Compute with float, and say how far that is off.')
+        bool, typer.Option('--float', help='Compute in single precision, and print its error.')
     ] = False,
     node: Annotated[
         str, typer.Option(help='Which node of the file, or controller of the scenario.')
     ] = '',
     name: Annotated[
-        str, typer.Option(help='What names of files and functions begin with.')
+        str, typer.Option(help='Prefix of the names of files and functions.')
     ] = 'nadrc',
 ) -> None:
     """

@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 from nadrc_ros.cli import interrupted
-from nadrc_ros.cli.messages import error, warning
+from nadrc_ros.cli.messages import error, say, warning
 import typer
 
 if TYPE_CHECKING:
@@ -35,12 +35,16 @@ def naming(options: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def reporting(file: str = '', after_interrupt: Callable[[], str] | None = None) -> Iterator[None]:
+def reporting(
+    file: str = '',
+    after_interrupt: Callable[[], str] | None = None,
+    after_error: Callable[[], str] | None = None,
+) -> Iterator[None]:
     """
     Report what the user can mend on stderr, with the name of the file it is about.
 
-    Exit codes: 1 for an error of the user, and 130 for Ctrl-C, when ``after_interrupt()`` is said.
-    Anything else is a bug and keeps its traceback.
+    Exit codes: 1 for an error of the user, after which ``after_error()`` is said, and 130 for
+    Ctrl-C, with ``after_interrupt()``. Anything else is a bug and keeps its traceback.
     """
     from nadrc_ros.adrc.errors import SettingError, UserError
 
@@ -61,6 +65,8 @@ def reporting(file: str = '', after_interrupt: Callable[[], str] | None = None) 
             error(f'{failure.filename or "output"}: {failure.strerror or failure}')
         else:
             raise
+        if kept := after_error() if after_error else '':
+            say(kept)
         raise typer.Exit(USER_ERROR) from None
 
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple, Optional, TYPE_CHECKING
 import attrs
 from nadrc_ros.adrc.fields import Declared, declared
 from nadrc_ros.cli.failure import reporting
-from nadrc_ros.cli.messages import note, warning
+from nadrc_ros.cli.messages import note
 from nadrc_ros.cli.progress import progress
 import typer
 
@@ -197,7 +197,7 @@ def changed(whole: 'Scenario', **options: Any) -> 'Scenario':
     scenario = whole.changed(**options)
     for retune in whole.retunes:
         if retune not in scenario.retunes:
-            warning(f'the retune at {retune.time:g} s is after the end of the run and was skipped')
+            note(f'the retune at {retune.time:g} s is after the end of this run')
     return scenario
 
 

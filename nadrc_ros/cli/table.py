@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import sys
 from typing import NamedTuple
 
-from nadrc_ros.report.tables import FIGURES, shown_together, wins
+from nadrc_ros.report.tables import FIGURES, shown_together, winners
 from nadrc_ros.scenario.units import Units, with_unit
 from nadrc_ros.simulation.metrics import MetricValues
 from nadrc_ros.terminal import columns, wrapped
@@ -38,7 +38,8 @@ def print_figures_of_merit(
     for key, label, meaning in FIGURES:
         values = [getattr(m, key) for m in metrics.values()]
         texts = shown_together(key, values, plain=True)
-        cells = [Text(t, 'bold' if wins(v, values) else '') for t, v in zip(texts, values)]
+        best = winners(texts, values)
+        cells = [Text(text, 'bold' if wins else '') for text, wins in zip(texts, best)]
         if key == 'peak_error' and settle_time:
             meaning += f', {settle_time:.4g} s'
         rows.append(Row(with_unit(label, units.of_figure(key)), meaning, cells))
