@@ -102,7 +102,7 @@ def commission(case: Case) -> Result:
         if not nudged.refusal.startswith(steps.BRING_IT_BACK):
             break
         back += rest(plant)
-        nudged = steps.nudge(machine, base, seen)
+        nudged = steps.nudge(machine, base, seen, nudged)
     right = case.b0 * nudged.sign > 0.0
     result = attrs.evolve(result, sign=0 if not nudged.sign else 1 if right else -1)
     if nudged.refusal:
@@ -113,7 +113,7 @@ def commission(case: Case) -> Result:
         if not excited.refusal.startswith(steps.BRING_IT_BACK):
             break
         back += rest(plant)
-        excited = steps.excite(machine, base, seen, nudged)
+        excited = steps.excite(machine, base, seen, nudged, excited)
     b0 = excited.b0
     result = attrs.evolve(
         result,

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import attrs
 from bench.commission import commission, figures, Result
 from bench.commission_plants import random_case, RandomPlant
+from nadrc_ros.adrc.commission.settings import ExperimentSettings
+from nadrc_ros.adrc.settings import ControllerSettings
 from nadrc_ros.tuning.commission import steps
+from nadrc_ros.tuning.commission.excite import inside
 from nadrc_ros.tuning.commission.fit import fit, with_mode
 from nadrc_ros.tuning.commission.look import judge_look
 from nadrc_ros.tuning.commission.machine import Array, Samples, Simulated
@@ -30,9 +35,9 @@ def test_p23_no_bound_is_exceeded_and_no_sign_is_wrong(results: list[Result]) ->
     assert found['bounds_exceeded'] == found['wrong_sign'] == 0
 
 
-@pytest.mark.parametrize('seed', [1070, 2057, 2099, 3050, 3057, 3155])
+@pytest.mark.parametrize('seed', [1070, 2057, 2099, 3050, 3057, 3058, 3070, 3109, 3155])
 def test_p23_what_runs_away_by_itself_or_swings_stays_within_its_bounds(seed: int) -> None:
-    """Four move on by themselves between experiments; a resonance disagrees about the sign."""
+    """Some move on by themselves between experiments; a resonance disagrees about the sign."""
     result = commission(random_case(seed))
     assert result.over <= 1.0 and result.sign >= 0
     assert result.accepted or result.refusal
@@ -68,6 +73,58 @@ def test_equal_samples_drift_by_no_rounding_and_late_ones_are_told() -> None:
     assert not look.drifts and look.drift == 0.0 and 'busy' not in ' '.join(look.lines)
     late = attrs.evolve(seen, time=time + 0.004 * (np.arange(400) % 2))
     assert 'busy' in ' '.join(judge_look(late, 200.0).lines)
+
+
+@pytest.mark.parametrize('away', [0.0, 0.3])
+@pytest.mark.parametrize('delay', [0.0, 0.04])
+def test_doublets_are_made_smaller_until_the_model_stays_inside_from_where_it_is(
+    delay: float, away: float
+) -> None:
+    model = Model(order=2, b0=-2.0, damping=0.2, delay=delay)
+    planned = ExperimentSettings(
+        kind='doublet',
+        amplitude=8.0,
+        segment=0.2,
+        longest=6.0,
+        max_command=10.0,
+        travel=1.0,
+        speed=3.0,
+        homed=True,
+        sign=-1,
+    )
+    smaller = inside(planned, None, model, away, ControllerSettings())
+    plant = ModelPlant(model, 0.01, 0.0, 0.0, 0, away)
+    samples = Simulated(plant, 100.0, ControllerSettings()).run(smaller)
+    assert samples.outcome == 'done'
+    assert 0.3 < np.abs(plant.outputs).max() < 0.6
+    assert np.abs(np.diff(plant.outputs)).max() < 0.6 * 3.0 * 0.01
+    assert inside(smaller, None, model, away, ControllerSettings()) == smaller
+
+
+def test_what_was_told_before_it_went_away_counts_when_it_is_back() -> None:
+    plant = ModelPlant(Model(order=2, b0=-3.0, damping=0.3, delay=0.03), 0.01, 0.0, 2e-3, 1)
+
+    class Leaves(Simulated):
+        def run(self, *experiment: Any) -> Samples:
+            samples = super().run(*experiment)
+            if experiment[0].kind != 'staircase' and plant._y < 5.0:
+                plant._y, plant._v = 5.0, 0.0
+            return samples
+
+    machine = Leaves(plant, 100.0, ControllerSettings())
+    base = steps.bounds(machine, max_command=5.0, travel=1.0, speed=3.0)
+    seen = steps.look(machine)
+    nudged = steps.nudge(machine, base, seen)
+    plant._y, plant._v = 0.0, 0.0
+    first = steps.excite(machine, base, seen, nudged)
+    assert first.refusal.startswith(steps.BRING_IT_BACK) and len(first.samples) == 1
+    plant._y, plant._v = 0.0, 0.0
+    second = steps.excite(machine, base, seen, nudged, first)
+    assert second.samples[0] is first.samples[0] and len(second.samples) == 2
+    assert len(second.fitted.segments) > len(first.fitted.segments)
+    plant._y, plant._v = 0.0, 0.0
+    again = steps.nudge(machine, base, seen, attrs.evolve(nudged, moves=1))
+    assert again.samples[:-1] == nudged.samples and again.moves > nudged.moves
 
 
 def test_a_machine_that_does_not_move_is_refused_and_says_what_to_allow() -> None:

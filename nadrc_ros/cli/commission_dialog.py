@@ -100,15 +100,20 @@ class Dialog:
         """Keep something for the report."""
         self._steps.append(Step(title=title, lines=lines, samples=samples))
 
-    def _until_back(self, step: Callable[[], _Result]) -> _Result:
-        """Do a step, and again after each time that somebody brought the machine back for it."""
+    def _until_back(self, step: Callable[[_Result | None], _Result]) -> _Result:
+        """
+        Do a step, and again after each time that somebody brought the machine back for it.
+
+        It is given what it told before, None at first.
+        """
+        result = None
         while True:
-            result = step()
+            result = step(result)
             if not (self._somebody and result.refusal.startswith(BRING_IT_BACK)):
                 return result
             warning(result.refusal)
             say('Nothing is sent now: move it by hand, or wait until it rests there again.')
-            if not typer.confirm('Is it back? Then this step begins again.', default=False):
+            if not typer.confirm('Is it back? Then this step goes on.', default=False):
                 return result
 
     def report(self, name: str) -> None:

@@ -75,7 +75,9 @@ class Session(Dialog):
         if not self._ask('2 of 5: nudge', nudging, 'Send these pulses?'):
             return
         nudged = self._until_back(
-            self._shown('nudging', base.longest)(lambda: steps.nudge(machine, base, seen))
+            self._shown('nudging', base.longest)(
+                lambda before: steps.nudge(machine, base, seen, before)
+            )
         )
         if not self._note('Nudge', nudged, nudged.samples):
             return
@@ -87,7 +89,7 @@ class Session(Dialog):
             return
         excited = self._until_back(
             self._shown('exciting', base.longest)(
-                lambda: steps.excite(machine, base, seen, nudged)
+                lambda before: steps.excite(machine, base, seen, nudged, before)
             )
         )
         if not self._note('Excite', excited, excited.samples):
@@ -112,7 +114,7 @@ class Session(Dialog):
             return False
         trial = self._until_back(
             self._shown('trying', base.longest)(
-                lambda: steps.attempt(self.machine, base, seen, finding)
+                lambda _: steps.attempt(self.machine, base, seen, finding)
             )
         )
         if not self._note('Try', trial, (trial.samples,)):

@@ -7,10 +7,10 @@ from math import inf
 
 import attrs
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
-from nadrc_ros.adrc.settings import HIGHEST
+from nadrc_ros.adrc.settings import ControllerSettings, HIGHEST
 from nadrc_ros.tuning.commission.fit import arriving, fit, Fitted, Segment, with_mode
-from nadrc_ros.tuning.commission.machine import Samples
-from nadrc_ros.tuning.commission.model import Model
+from nadrc_ros.tuning.commission.machine import Samples, Simulated
+from nadrc_ros.tuning.commission.model import Model, ModelPlant
 from nadrc_ros.tuning.commission.nudge import best
 from nadrc_ros.tuning.identification.estimate import Estimate
 import numpy as np
@@ -29,6 +29,9 @@ _TRAVEL, _SPEED, _COMMAND = 0.35, 0.45, 0.9
 _LARGE, _FEWEST = 0.5, 10
 # Lengths of the shortest pulse that are tried [periods], and how many times the dead time it is.
 _LENGTHS, _LATE = (6, 9, 13, 20, 30, 45, 70, 100, 150), 1.5
+# Of the bounds, what an experiment may take where the model runs it; how often it is made smaller,
+# and by what factors.
+_FORESEEN, _TRIES, _LEAST, _MOST = 0.55, 6, 0.4, 0.9
 # Amplitudes that are tried, as shares of the largest; motion over noise that is enough.
 _SIZES, _CLEAR = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05), 40.0
 
@@ -40,8 +43,12 @@ class Excitation:
     samples: tuple[Samples, ...]
     fitted: Fitted
     noise: float
-    seconds: float
     refusal: str = ''
+
+    @property
+    def seconds(self) -> float:
+        """Return how long it was moved [s]."""
+        return sum(float(each.time[-1] - each.time[0]) for each in self.samples)
 
     @property
     def b0(self) -> Estimate:
@@ -94,6 +101,36 @@ def sized(model: Model, base: ExperimentSettings) -> ExperimentSettings | None:
     return chosen
 
 
+def inside(
+    planned: ExperimentSettings,
+    controller: ControllerSettings | None,
+    model: Model,
+    away: float,
+    present: ControllerSettings,
+) -> ExperimentSettings:
+    """
+    Return the experiment, smaller where the model comes near its bounds in it.
+
+    It begins where the machine is, ``away`` [output unit] from where travel counts from, and the
+    controller that catches the machine moves it, too.
+    """
+    for _ in range(_TRIES):
+        plant = ModelPlant(model, planned.period, planned.center, 0.0, 0, away)
+        foreseen = Simulated(plant, 1.0 / planned.period, present).run(
+            attrs.evolve(planned, homed=True, home=0.0), controller
+        )
+        y = np.array(plant.outputs)
+        farthest, fastest = np.abs(y).max(), np.abs(np.diff(y)).max() / planned.period
+        share = max(farthest / planned.travel, fastest / planned.speed) / _FORESEEN
+        if share <= 1.0 and foreseen.outcome != 'bound':
+            break
+        # what friction takes moves nothing
+        dry = min(model.friction, planned.amplitude)
+        smaller = dry + min(max(1.0 / share, _LEAST), _MOST) * (planned.amplitude - dry)
+        planned = attrs.evolve(planned, amplitude=smaller)
+    return planned
+
+
 def _response(model: Model, size: float, periods: int, h: float) -> tuple[float, float, float]:
     """Return rms, travel and speed of the longest doublet of one size and way, and the other."""
     pulse = 4 * periods
@@ -129,7 +166,6 @@ def refined(
     base: ExperimentSettings,
     pace: float,
     size: float,
-    seconds: float,
     latest: float,
     stop: float | None,
 ) -> Excitation:
@@ -144,12 +180,7 @@ def refined(
         if other is not None and other.residual < fitted.residual:
             fitted = other
     fitted = _with_mode(fitted, base, pace, size, latest)
-    return Excitation(
-        samples=samples,
-        fitted=fitted,
-        noise=base.noise,
-        seconds=seconds,
-    )
+    return Excitation(samples=samples, fitted=fitted, noise=base.noise)
 
 
 def _with_mode(

@@ -25,6 +25,8 @@ _ONE_WAY = 5.0
 _EXPLAINED = 1.2
 # A model that leaves more than that many times the noise proves nothing against what was seen.
 _STRANGE = 1.5
+# Nor does one with an interval of b0 of more than that, as a share of it, to each side.
+_SURE = 0.5
 # Two pulses of three say what a fit is believed with that does not explain all.
 _MAJORITY = 0.3
 _FEWEST = 12
@@ -62,6 +64,11 @@ class Nudge:
     def enough(self) -> bool:
         """Tell whether that is enough to go on with."""
         return self.fitted is not None and not self.refusal and self.moves >= _UNANIMOUS
+
+    @property
+    def largest(self) -> float:
+        """Return the largest pulse that was sent [command unit]."""
+        return max(float(np.nanmax(np.abs(each.excitation))) for each in self.samples)
 
     @property
     def lines(self) -> list[str]:
@@ -145,11 +152,17 @@ def judge_nudge(runs: tuple[Samples, ...], settings: ExperimentSettings, level: 
         said = 'The pulses are too short to tell anything: allow more travel or speed.'
         return attrs.evolve(nothing, sign=vote, refusal=said)
     sign = 1 if fitted.model.b0 > 0.0 else -1
-    sure = fitted.b0.low * fitted.b0.high > 0.0 and len(moved) >= _UNANIMOUS
-    explained = fitted.residual < _STRANGE * settings.noise
-    most_say_so = sign == vote and abs(sum(ways)) >= _MAJORITY * len(ways)
+    told = fitted.b0.low * fitted.b0.high > 0.0
+    explained = (
+        fitted.b0.half_width < _SURE
+        and len(moved) >= _UNANIMOUS
+        and fitted.residual < _STRANGE * settings.noise
+    )
+    # pulses that disagree need a fit that knows it, too
+    share = _MAJORITY if told else 1.0
+    most_say_so = sign == vote and abs(sum(ways)) >= share * len(ways)
     refusal = ''
-    if not (most_say_so or (sure and explained)):
+    if not (most_say_so or explained):
         refusal = (
             'The output went one way and the other: the sign of b0 is not sure. An elastic joint '
             'or a drift may do that; allow more command or travel.'

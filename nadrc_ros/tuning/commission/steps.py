@@ -15,12 +15,10 @@ follow. Nothing but the experiments is changed on the machine.
 
 from __future__ import annotations
 
-from math import inf
-
 import attrs
 from nadrc_ros.adrc.commission.settings import ExperimentSettings
 from nadrc_ros.adrc.settings import ControllerSettings
-from nadrc_ros.tuning.commission.excite import Excitation, NARROW, refined, sized
+from nadrc_ros.tuning.commission.excite import Excitation, inside, NARROW, refined, sized
 from nadrc_ros.tuning.commission.fit import Fitted
 from nadrc_ros.tuning.commission.look import judge_look, Look
 from nadrc_ros.tuning.commission.machine import Machine, Samples
@@ -45,6 +43,8 @@ _NUDGES = 4
 _SMALLER = 0.6
 # A nudge tells enough with that part of what is narrow, and a motion of so many times the noise.
 _PLENTY, _CLEAR = 0.6, 20.0
+# A model of which b0 is known no better than that predicts nothing.
+_UNSURE = 0.5
 # A machine that leaves its travel in that time [s] by itself is not nudged.
 _UNTIL_AWAY = 4.0
 # From that share of its travel on a machine has to be brought back before it goes on, which is
@@ -114,8 +114,15 @@ def look(machine: Machine, seconds: float = 2.0) -> Look:
     return judge_look(machine.listen(max(seconds, _SEEN / machine.rate)), machine.rate)
 
 
-def nudge(machine: Machine, base: ExperimentSettings, seen: Look) -> Nudge:
-    """Find out what moves it, and which way, by pulses that grow."""
+def nudge(
+    machine: Machine, base: ExperimentSettings, seen: Look, before: Nudge | None = None
+) -> Nudge:
+    """
+    Find out what moves it, and which way, by pulses that grow.
+
+    ``before`` is the same step that ended as the machine was too far away: it goes on with what
+    that told.
+    """
     settings = staircase(base, seen)
     if seen.drifts and abs(seen.drift) * _UNTIL_AWAY > base.travel:
         return Nudge(
@@ -128,29 +135,32 @@ def nudge(machine: Machine, base: ExperimentSettings, seen: Look) -> Nudge:
                 'resting command: hold it, or name a command that does (--center).'
             ),
         )
-    runs: tuple[Samples, ...] = ()
+    nudged = before
     for _ in range(_NUDGES):
+        runs: tuple[Samples, ...] = ()
+        if nudged is not None:
+            if said := gone(whereabouts(machine, base, seen), base):
+                return attrs.evolve(nudged, refusal=said)
+            runs, settings = nudged.samples, once_more(settings, nudged)
         samples = machine.run(settings)
-        runs = (*runs, samples)
-        nudged = judge_nudge(runs, settings, seen.level)
-        if samples.outcome != 'bound' and (nudged.enough or not nudged.moves):
-            return nudged
+        nudged = judge_nudge((*runs, samples), settings, seen.level)
         if samples.outcome in ('lost', 'stopped'):
             said = f'The experiment was not finished: {samples.reason}.'
             return attrs.evolve(nudged, refusal=said)
-        if nudged.enough:
+        if nudged.enough or (samples.outcome != 'bound' and not nudged.moves):
             break
-        if said := gone(machine, base, seen):
-            return attrs.evolve(nudged, refusal=said)
-        # once more, with less where a bound was met, from where it may begin to move
-        most = settings.max_command
-        sent = float(np.nanmax(np.abs(samples.excitation)))
-        if samples.outcome == 'bound' and sent > 0.0:
-            most = _SMALLER * sent
-        least = min(without for without, _ in nudged.breakaway.values())
-        first = min(max(least, 0.1 * most), most)
-        settings = attrs.evolve(settings, max_command=most, amplitude=first)
+    assert nudged is not None
     return nudged
+
+
+def once_more(settings: ExperimentSettings, nudged: Nudge) -> ExperimentSettings:
+    """Return the next staircase: less where a bound was met, from where it may begin to move."""
+    samples, most = nudged.samples[-1], settings.max_command
+    sent = float(np.nanmax(np.abs(samples.excitation)))
+    if samples.outcome == 'bound' and sent > 0.0:
+        most = _SMALLER * sent
+    least = min(without for without, _ in nudged.breakaway.values())
+    return attrs.evolve(settings, max_command=most, amplitude=min(max(least, 0.1 * most), most))
 
 
 def staircase(base: ExperimentSettings, seen: Look) -> ExperimentSettings:
@@ -165,34 +175,43 @@ def staircase(base: ExperimentSettings, seen: Look) -> ExperimentSettings:
 
 
 def excite(
-    machine: Machine, base: ExperimentSettings, seen: Look, nudged: Nudge, seconds: float = inf
+    machine: Machine,
+    base: ExperimentSettings,
+    seen: Look,
+    nudged: Nudge,
+    before: Excitation | None = None,
 ) -> Excitation:
     """
     Move it to and fro until b0 is known to +-10 %, for at most ``base.longest`` [s] in all.
 
-    Where the pulses of the nudge tell enough, nothing more is sent.
+    Where the pulses of the nudge tell enough, nothing more is sent. ``before`` is the same step
+    that ended as the machine was too far away: it goes on with what that told.
     """
     assert nudged.fitted is not None
     base = seen.homed(base, nudged.sign)
-    found, fitted = list(nudged.fitted.segments), nudged.fitted
-    state = Excitation(samples=(), fitted=fitted, noise=seen.noise, seconds=0.0)
-    if (
+    state = Excitation(samples=(), fitted=nudged.fitted, noise=seen.noise)
+    if before is not None:
+        state = attrs.evolve(before, refusal='')
+    elif (
         state.narrow
         and state.b0.half_width <= _PLENTY * NARROW
-        and fitted.moved > _CLEAR * seen.noise
+        and nudged.fitted.moved > _CLEAR * seen.noise
     ):
         return state
-    spent, shrink, chunk = 0.0, 1.0, _CHUNK
-    for round_ in range(_ROUNDS):
+    for round_ in range(len(state.samples), _ROUNDS):
         model = state.fitted.model
+        shrink = _SMALLER ** sum(each.outcome == 'bound' for each in state.samples)
         at = attrs.evolve(base, delay=model.delay, max_command=shrink * base.max_command)
         planned = sized(model, at)
-        left = min(base.longest, seconds) - spent
+        left = base.longest - state.seconds
         if planned is None:  # by a model that is none
             planned = simple(nudged, at)
         if left < 10.0 * planned.segment or planned.amplitude <= 0.0:
             break
+        if state.b0.half_width > _UNSURE:  # no more than was sent before
+            planned = attrs.evolve(planned, amplitude=min(planned.amplitude, nudged.largest))
         catching = controller_for(seen, state.fitted, at, machine.present)
+        chunk = _CHUNK * _GROWTH**round_
         planned = attrs.evolve(
             planned,
             kind='closed' if catching else 'doublet',
@@ -200,26 +219,31 @@ def excite(
             max_command=base.max_command,
             seed=planned.seed + round_,
         )
-        if said := gone(machine, base, seen):
+        away = whereabouts(machine, base, seen)
+        if said := gone(away, base):
             return attrs.evolve(state, refusal=said)
-        samples = machine.run(planned, catching)
-        spent += float(samples.time[-1] - samples.time[0])
-        found += segments(
-            samples, doublets(samples), base.period, base.center, seen.noise, seen.level
-        )
-        runs = (*state.samples, samples)
-        pace, size = planned.segment, planned.amplitude
+        planned = inside(planned, catching, model, away or 0.0, machine.present)
+        runs = (*state.samples, machine.run(planned, catching))
+        found = [*nudged.fitted.segments]
+        for samples in runs:
+            found += segments(
+                samples, doublets(samples), base.period, base.center, seen.noise, seen.level
+            )
         state = refined(
-            state.fitted, found, runs, base, pace, size, spent, nudged.latest, nudged.stop
+            state.fitted,
+            found,
+            runs,
+            base,
+            planned.segment,
+            planned.amplitude,
+            nudged.latest,
+            nudged.stop,
         )
         if samples.outcome in ('lost', 'stopped'):
             said = f'The experiment was not finished: {samples.reason}.'
             return attrs.evolve(state, refusal=said)
-        if samples.outcome == 'bound':
-            shrink *= _SMALLER
-        elif state.narrow:
+        if state.narrow:
             break
-        chunk *= _GROWTH
     return state
 
 
@@ -231,9 +255,8 @@ def simple(nudged: Nudge, base: ExperimentSettings) -> ExperimentSettings:
     return attrs.evolve(base, kind='doublet', amplitude=min(moved, room), segment=segment)
 
 
-def gone(machine: Machine, base: ExperimentSettings, seen: Look) -> str:
+def gone(away: float | None, base: ExperimentSettings) -> str:
     """Say that the machine is too far from where it began to go on, '' if it is not."""
-    away = whereabouts(machine, base, seen)
     if away is None:
         return 'No measurement comes any more.'
     if abs(away) <= _AWAY * base.travel:
@@ -259,8 +282,14 @@ def controller_for(
 ) -> ControllerSettings | None:
     """Return a slow controller for a machine that nothing holds, None where friction does."""
     model = fitted.model
-    runs_away = model.damping < 0.0 or model.stiffness < 0.0
-    if model.friction > 0.0 or (model.order == 1 and not runs_away and not seen.drifts):
+    # what drives it away at its bounds, if anything does
+    state = (base.travel,) if model.order == 1 else (base.speed, base.travel)
+    away = sum(max(-k, 0.0) * x for k, x in zip((model.damping, model.stiffness), state))
+    if model.friction > 0.0:
+        held = abs(model.b0) * model.friction > away
+    else:
+        held = model.order == 1 and away == 0.0 and not seen.drifts
+    if held:
         return None
     try:
         return designed(model, fitted.b0, base.noise, base, present, _SLOW).settings
@@ -284,7 +313,7 @@ def say(
 def attempt(machine: Machine, base: ExperimentSettings, seen: Look, finding: Finding) -> Trial:
     """Take over with the new settings, step and step back, and compare with the prediction."""
     assert finding.settings is not None
-    if said := gone(machine, base, seen):
+    if said := gone(whereabouts(machine, base, seen), base):
         nothing = machine.listen(base.period)
         return Trial(samples=nothing, finding=finding, accepted=False, refusal=said)
     count = len(finding.predicted)
