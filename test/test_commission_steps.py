@@ -93,12 +93,22 @@ def test_doublets_are_made_smaller_until_the_model_stays_inside_from_where_it_is
         sign=-1,
     )
     smaller = inside(planned, None, model, away, ControllerSettings())
+    assert smaller is not None
     plant = ModelPlant(model, 0.01, 0.0, 0.0, 0, away)
     samples = Simulated(plant, 100.0, ControllerSettings()).run(smaller)
     assert samples.outcome == 'done'
     assert 0.3 < np.abs(plant.outputs).max() < 0.6
     assert np.abs(np.diff(plant.outputs)).max() < 0.6 * 3.0 * 0.01
     assert inside(smaller, None, model, away, ControllerSettings()) == smaller
+
+
+def test_where_friction_alone_brakes_beyond_the_bound_no_doublets_are_sent() -> None:
+    planned = ExperimentSettings(
+        kind='doublet', amplitude=1.1, segment=0.2, max_command=2.0, travel=1.0, speed=0.8
+    )
+    for friction, sent in ((0.05, True), (1.0, False)):
+        model = Model(order=1, b0=1.0, friction=friction)
+        assert (inside(planned, None, model, 0.0, ControllerSettings()) is not None) == sent
 
 
 def test_what_was_told_before_it_went_away_counts_when_it_is_back() -> None:

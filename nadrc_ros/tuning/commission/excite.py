@@ -70,7 +70,7 @@ class Excitation:
             f'After {self.seconds:.3g} s of pulses: order {self.fitted.model.order}, b0 '
             f'{b0.value:.4g} (95 %: {b0.low:.4g} to {b0.high:.4g}).'
             if self.samples
-            else f'The nudge told enough: order {self.fitted.model.order}, b0 {b0.value:.4g} '
+            else f'From the nudge alone: order {self.fitted.model.order}, b0 {b0.value:.4g} '
             f'(95 %: {b0.low:.4g} to {b0.high:.4g}).'
         ]
         return [*lines, *filter(None, [self.refusal])]
@@ -107,9 +107,9 @@ def inside(
     model: Model,
     away: float,
     present: ControllerSettings,
-) -> ExperimentSettings:
+) -> ExperimentSettings | None:
     """
-    Return the experiment, smaller where the model comes near its bounds in it.
+    Return the experiment, smaller where the model comes near its bounds; None if it always does.
 
     It begins where the machine is, ``away`` [output unit] from where travel counts from, and the
     controller that catches the machine moves it, too.
@@ -123,12 +123,12 @@ def inside(
         farthest, fastest = np.abs(y).max(), np.abs(np.diff(y)).max() / planned.period
         share = max(farthest / planned.travel, fastest / planned.speed) / _FORESEEN
         if share <= 1.0 and foreseen.outcome != 'bound':
-            break
+            return planned
         # what friction takes moves nothing
         dry = min(model.friction, planned.amplitude)
         smaller = dry + min(max(1.0 / share, _LEAST), _MOST) * (planned.amplitude - dry)
         planned = attrs.evolve(planned, amplitude=smaller)
-    return planned
+    return None
 
 
 def _response(model: Model, size: float, periods: int, h: float) -> tuple[float, float, float]:

@@ -202,10 +202,8 @@ def excite(
         model = state.fitted.model
         shrink = _SMALLER ** sum(each.outcome == 'bound' for each in state.samples)
         at = attrs.evolve(base, delay=model.delay, max_command=shrink * base.max_command)
-        planned = sized(model, at)
         left = base.longest - state.seconds
-        if planned is None:  # by a model that is none
-            planned = simple(nudged, at)
+        planned = sized(model, at) or simple(nudged, at)
         if left < 10.0 * planned.segment or planned.amplitude <= 0.0:
             break
         if state.b0.half_width > _UNSURE:  # no more than was sent before
@@ -222,8 +220,10 @@ def excite(
         away = whereabouts(machine, base, seen)
         if said := gone(away, base):
             return attrs.evolve(state, refusal=said)
-        planned = inside(planned, catching, model, away or 0.0, machine.present)
-        runs = (*state.samples, machine.run(planned, catching))
+        smaller = inside(planned, catching, model, away or 0.0, machine.present)
+        if smaller is None:
+            break
+        runs = (*state.samples, machine.run(smaller, catching))
         found = [*nudged.fitted.segments]
         for samples in runs:
             found += segments(
@@ -234,8 +234,8 @@ def excite(
             found,
             runs,
             base,
-            planned.segment,
-            planned.amplitude,
+            smaller.segment,
+            smaller.amplitude,
             nudged.latest,
             nudged.stop,
         )
