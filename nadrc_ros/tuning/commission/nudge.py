@@ -25,8 +25,8 @@ _ONE_WAY = 5.0
 _EXPLAINED = 1.2
 # A model that leaves more than that many times the noise proves nothing against what was seen.
 _STRANGE = 1.5
-# Nor does one with an interval of b0 of more than that, as a share of it, to each side.
-_SURE = 0.5
+# Nor does one that knows b0 no better than that, as a share of it: it predicts nothing.
+SURE = 0.5
 # Two pulses of three say what a fit is believed with that does not explain all.
 _MAJORITY = 0.3
 _FEWEST = 12
@@ -154,7 +154,7 @@ def judge_nudge(runs: tuple[Samples, ...], settings: ExperimentSettings, level: 
     sign = 1 if fitted.model.b0 > 0.0 else -1
     told = fitted.b0.low * fitted.b0.high > 0.0
     explained = (
-        fitted.b0.half_width < _SURE
+        fitted.b0.half_width < SURE
         and len(moved) >= _UNANIMOUS
         and fitted.residual < _STRANGE * settings.noise
     )

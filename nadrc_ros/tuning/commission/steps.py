@@ -22,7 +22,7 @@ from nadrc_ros.tuning.commission.excite import Excitation, inside, NARROW, refin
 from nadrc_ros.tuning.commission.fit import Fitted
 from nadrc_ros.tuning.commission.look import judge_look, Look
 from nadrc_ros.tuning.commission.machine import Machine, Samples
-from nadrc_ros.tuning.commission.nudge import judge_nudge, Nudge
+from nadrc_ros.tuning.commission.nudge import judge_nudge, Nudge, SURE
 from nadrc_ros.tuning.commission.say import CAREFUL, designed, Finding
 from nadrc_ros.tuning.commission.say import say as judge
 from nadrc_ros.tuning.commission.segments import doublets, segments
@@ -43,8 +43,6 @@ _NUDGES = 4
 _SMALLER = 0.6
 # A nudge tells enough with that part of what is narrow, and a motion of so many times the noise.
 _PLENTY, _CLEAR = 0.6, 20.0
-# A model of which b0 is known no better than that predicts nothing.
-_UNSURE = 0.5
 # A machine that leaves its travel in that time [s] by itself is not nudged.
 _UNTIL_AWAY = 4.0
 # From that share of its travel on a machine has to be brought back before it goes on, which is
@@ -206,7 +204,7 @@ def excite(
         planned = sized(model, at) or simple(nudged, at)
         if left < 10.0 * planned.segment or planned.amplitude <= 0.0:
             break
-        if state.b0.half_width > _UNSURE:  # no more than was sent before
+        if state.b0.half_width > SURE:  # no more than was sent before
             planned = attrs.evolve(planned, amplitude=min(planned.amplitude, nudged.largest))
         catching = controller_for(seen, state.fitted, at, machine.present)
         chunk = _CHUNK * _GROWTH**round_
@@ -283,8 +281,8 @@ def controller_for(
     """Return a slow controller for a machine that nothing holds, None where friction does."""
     model = fitted.model
     # what drives it away at its bounds, if anything does
-    state = (base.travel,) if model.order == 1 else (base.speed, base.travel)
-    away = sum(max(-k, 0.0) * x for k, x in zip((model.damping, model.stiffness), state))
+    most = (base.travel,) if model.order == 1 else (base.speed, base.travel)
+    away = sum(max(-k, 0.0) * x for k, x in zip((model.damping, model.stiffness), most))
     if model.friction > 0.0:
         held = abs(model.b0) * model.friction > away
     else:
