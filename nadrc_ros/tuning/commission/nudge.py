@@ -158,14 +158,12 @@ def judge_nudge(runs: tuple[Samples, ...], settings: ExperimentSettings, level: 
         and len(moved) >= _UNANIMOUS
         and fitted.residual < _STRANGE * settings.noise
     )
-    # pulses that disagree need a fit that knows it, too
-    share = _MAJORITY if told else 1.0
-    most_say_so = sign == vote and abs(sum(ways)) >= share * len(ways)
+    most_say_so = told and sign == vote and abs(sum(ways)) >= _MAJORITY * len(ways)
     refusal = ''
     if not (most_say_so or explained):
         refusal = (
-            'The output went one way and the other: the sign of b0 is not sure. An elastic joint '
-            'or a drift may do that; allow more command or travel.'
+            'The sign of b0 is not sure: the output went one way and the other, or as no model '
+            'does. An elastic joint or a drift may do that; allow more command or travel.'
         )
     return attrs.evolve(
         nothing,
