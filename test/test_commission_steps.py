@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import attrs
@@ -48,6 +49,7 @@ def test_most_are_accepted_and_what_is_said_of_them_is_true(results: list[Result
     assert found['accepted'] >= 0.8 * len(SEEDS)
     assert found['held'] == found['stable'] == found['accepted']
     assert all(each.refusal for each in results if not each.accepted)
+    assert json.loads(json.dumps(found)) == found, 'as it is saved'
 
 
 def test_a_machine_that_drifts_through_its_travel_is_not_nudged() -> None:

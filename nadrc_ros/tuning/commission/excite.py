@@ -121,7 +121,7 @@ def inside(
         )
         y = np.array(plant.outputs)
         farthest, fastest = np.abs(y).max(), np.abs(np.diff(y)).max() / planned.period
-        share = max(farthest / planned.travel, fastest / planned.speed) / _FORESEEN
+        share = float(max(farthest / planned.travel, fastest / planned.speed)) / _FORESEEN
         if share <= 1.0 and foreseen.outcome != 'bound':
             return planned
         # what friction takes moves nothing
