@@ -117,6 +117,8 @@ def test_what_was_told_before_it_went_away_counts_when_it_is_back() -> None:
     plant = ModelPlant(Model(order=2, b0=-3.0, damping=0.3, delay=0.03), 0.01, 0.0, 2e-3, 1)
 
     class Leaves(Simulated):
+        """A machine that goes away after its first doublets."""
+
         def run(self, *experiment: Any) -> Samples:
             samples = super().run(*experiment)
             if experiment[0].kind != 'staircase' and plant._y < 5.0:
