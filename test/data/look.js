@@ -1,7 +1,5 @@
-// Looks at a page of `nadrc report` from inside, and tells the page around it what it sees.
+// Looks at a page of `nadrc report` from inside, and returns what it sees.
 'use strict';
-
-const tell = (found) => parent.postMessage(JSON.stringify(found), '*');
 
 function luminance(colour) {
   const parts = colour.match(/[\d.]+/g).slice(0, 3).map((part) => part / 255);
@@ -30,10 +28,6 @@ function covered(element) {
 }
 async function look() {
   const found = {};
-  for (let k = 0; k < 200 && document.documentElement.dataset.ready !== 'yes'; k++) {
-    await new Promise((done) => setTimeout(done, 50));
-  }
-  found.ready = document.documentElement.dataset.ready;
   found.width = innerWidth;
   found.overflow = document.documentElement.scrollWidth - innerWidth;
   show(1.0, 1.5);
@@ -65,8 +59,5 @@ async function look() {
   found.texts = texts.length;
   found.faint = texts.filter((each) => contrast(each) < 4.5).map((each) => each.outerHTML.slice(0, 90));
   found.covered = [...texts, ...every('.canvas')].filter(covered).map((each) => each.outerHTML.slice(0, 90));
-  found.said = said;
-  tell(found);
+  return found;
 }
-
-look().catch((error) => tell({ failed: error.stack }));
